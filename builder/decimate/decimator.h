@@ -39,9 +39,10 @@ struct RemovalLimits {
 struct DecimateOptions : RemovalLimits, MeasureOptions {};
 
 // Removes vertices of a tile until the target is met. Topology and orientation are kept; vertices
-// on the tile's seam and at non-manifold places stay; vertices of the surface's border go like
-// others, where the measure takes them. Each removal carries a bound on the error of its hole.
-// Deterministic. One object serves one thread, for one tile after the other: it keeps its memory.
+// on the tile's seam and nodes of the graph of creases stay; vertices of the surface's border and
+// of other chains of creases go like others, where the measure takes them. Each removal carries a
+// bound on the error of its hole. Deterministic. One object serves one thread, for one tile after
+// the other: it keeps its memory.
 class TileDecimator {
  public:
   virtual ~TileDecimator() = default;
@@ -90,10 +91,20 @@ class Decimator final : public TileDecimator {
   bool FillSeen(Vertex& state);
   bool MeasureBest();
   bool FillFolded();
+  void Keep(uint32_t v);
   void PutBack(uint32_t v);
+  void TakeKept(uint32_t v);
   bool Recall(uint32_t v);
   bool IsReady(uint32_t v);
   void Remove();
+  void TellNeighbours(std::span<const uint32_t> ring);
+  // Of vertices that have twins: all of these at once.
+  bool HasTwins(uint32_t v) const { return mesh_.twin(v) != v; }
+  bool EvaluateTwins(uint32_t v);
+  bool EvaluateFan(uint32_t twin, Vertex& state);
+  bool NoteNewEdges();
+  bool AreReady(uint32_t v);
+  void RemoveTwins(uint32_t v);
 
   TileMesh mesh_;
   Measure measure_;
@@ -107,6 +118,12 @@ class Decimator final : public TileDecimator {
   Hole hole_;
   Filling filling_;
   bool measured_ = false;  // the filling's diagonals, as far as they are seen
+  bool patient_ = false;   // it is measured to its end, whatever else is cheaper
+  // Of twins: the largest error of their fillings, the corners of their rings, and the edges that
+  // their fillings make, by the first twins of these.
+  double twins_error_ = 0;
+  uint32_t twins_corners_ = 0;
+  std::vector<std::pair<uint32_t, uint32_t>> new_edges_;
 };
 
 // What the builder uses: for surfaces in space, and for terrains.
@@ -140,22 +157,28 @@ TileResult Decimator<Measure, Rule>::Decimate(std::span<const TileTriangle> tile
     if (mesh_.locked(v)) {
       ++result.locked_vertices;
       result.seam_vertices += !mesh_.fixed(v);
-    } else {
+    } else if (mesh_.first_twin(v) == v) {
       queue_.Push(v, measure_.FirstGuess(v));
     }
   }
   const uint32_t level_triangles = LevelTriangles(options, result);
   // All triangles that ever were are slots of the cluster; a ring at the border has one corner
   // more.
-  const auto has_room = [&] {
-    return mesh_.triangles() + removals_.size() + Hole::kMaxRing <= kMostSlots;
+  const auto has_room = [&](uint32_t corners) {
+    return mesh_.triangles() + removals_.size() + corners <= kMostSlots;
   };
-  while (mesh_.live_triangles() > options.target_triangles && has_room()) {
+  while (mesh_.live_triangles() > options.target_triangles && has_room(Hole::kMaxRing)) {
     const std::optional<uint32_t> v = queue_.Pop();
     if (!v) break;
-    if (!IsReady(*v) || filling_.error > options.largest_error) continue;
-    if (filling_.error > options.level_error && mesh_.live_triangles() <= level_triangles) {
-      break;
+    const bool twins = HasTwins(*v);
+    if (!(twins ? AreReady(*v) : IsReady(*v))) continue;
+    const double error = twins ? twins_error_ : filling_.error;
+    if (error > options.largest_error) continue;
+    if (error > options.level_error && mesh_.live_triangles() <= level_triangles) break;
+    if (twins) {
+      if (!has_room(kMostFanCorners)) break;
+      RemoveTwins(*v);
+      continue;
     }
     if (mesh_.UsesExistingEdge(hole_, filling_.triangles)) {
       // Rare, and found out here only: plan again without the edges that exist.
@@ -250,7 +273,7 @@ bool Decimator<Measure, Rule>::FillSeen(Vertex& state) {
   if (!rule_.Fill(hole_, filling_.triangles)) return false;
   const auto is_dear = [&](double bound) {
     filling_.error = bound;
-    return state.bounded = queue_.HasCheaperThan(bound);
+    return state.bounded = !patient_ && queue_.HasCheaperThan(bound);
   };
   if (!measured) {
     if (is_dear(measure_.FirstBound(hole_, filling_, queue_.cheapest()))) return true;
@@ -301,6 +324,11 @@ bool Decimator<Measure, Rule>::FillFolded() {
 template <FillingMeasure Measure, FillingRule Rule>
 void Decimator<Measure, Rule>::PutBack(uint32_t v) {
   queue_.Push(v, filling_.error);
+  Keep(v);
+}
+
+template <FillingMeasure Measure, FillingRule Rule>
+void Decimator<Measure, Rule>::Keep(uint32_t v) {
   KeptFilling& kept = kept_[v];
   kept.parts[0] = {filling_.triangles[0], measured_, 0};
   for (uint32_t t = 1; t < hole_.k - 2; ++t) {
@@ -315,6 +343,13 @@ template <FillingMeasure Measure, FillingRule Rule>
 bool Decimator<Measure, Rule>::Recall(uint32_t v) {
   mesh_.OpenHole(v, degree_limit_, hole_);
   if (!mesh_.EdgesAreFree(hole_)) return false;
+  TakeKept(v);
+  return true;
+}
+
+// The hole of `v` is open.
+template <FillingMeasure Measure, FillingRule Rule>
+void Decimator<Measure, Rule>::TakeKept(uint32_t v) {
   measure_.Open(hole_);
   const KeptFilling& kept = kept_[v];
   for (uint32_t t = 0; t < hole_.k - 2; ++t) {
@@ -324,7 +359,6 @@ bool Decimator<Measure, Rule>::Recall(uint32_t v) {
     hole_.edge_error[triangle[0]][triangle[2]] = edge_error;
   }
   measure_.Measure(hole_, filling_);
-  return true;
 }
 
 // Makes the removal that is open, and tells the neighbours.
@@ -337,17 +371,120 @@ void Decimator<Measure, Rule>::Remove() {
   measure_.HandOn(hole_, filling_, first);
   // Evaluations open other holes.
   const std::vector<uint32_t> ring = hole_.ring;
-  for (const uint32_t r : ring) {
+  TellNeighbours(ring);
+}
+
+template <FillingMeasure Measure, FillingRule Rule>
+void Decimator<Measure, Rule>::TellNeighbours(std::span<const uint32_t> ring) {
+  for (const uint32_t near : ring) {
+    const uint32_t r = mesh_.first_twin(near);
     Vertex& state = states_[r];
     if (!state.stale && !mesh_.locked(r) && state.verdict == Verdict::kLegal) queue_.PushStale(r);
     state.stale = true;
   }
   // A neighbour that was stuck may be free now.
-  for (const uint32_t r : ring) {
+  for (const uint32_t near : ring) {
+    const uint32_t r = mesh_.first_twin(near);
     if (mesh_.locked(r) || states_[r].verdict == Verdict::kLegal) continue;
+    if (HasTwins(r)) {
+      if (EvaluateTwins(r)) queue_.Push(r, twins_error_);
+      continue;
+    }
     Evaluate(r);
     if (states_[r].verdict == Verdict::kLegal) PutBack(r);
   }
+}
+
+// Fills the holes of all twins and keeps the fillings. False when that is not legal.
+template <FillingMeasure Measure, FillingRule Rule>
+bool Decimator<Measure, Rule>::EvaluateTwins(uint32_t v) {
+  Vertex& state = states_[v];
+  state.stale = state.bounded = false;
+  state.verdict = Verdict::kTopology;
+  twins_error_ = 0;
+  twins_corners_ = 0;
+  new_edges_.clear();
+  patient_ = true;
+  bool legal = true;
+  uint32_t twin = v;
+  do {
+    legal = EvaluateFan(twin, state);
+    twin = mesh_.twin(twin);
+  } while (legal && twin != v);
+  patient_ = false;
+  if (legal) state.verdict = Verdict::kLegal;
+  return legal;
+}
+
+template <FillingMeasure Measure, FillingRule Rule>
+bool Decimator<Measure, Rule>::EvaluateFan(uint32_t twin, Vertex& state) {
+  if (!mesh_.OpenHole(twin, degree_limit_, hole_) ||
+      (twins_corners_ += hole_.k) > kMostFanCorners) {
+    state.verdict = Verdict::kDegree;
+    return false;
+  }
+  if (!mesh_.EdgesAreFree(hole_)) return false;
+  measure_.Open(hole_);
+  mesh_.ForbidEdges(hole_, true);
+  measured_ = false;
+  if (measure_.Sees(hole_) && FillSeen(state)) {
+    measure_.Measure(hole_, filling_);
+  } else if (!measure_.MeasuresFolds() || !FillFolded()) {
+    return false;
+  }
+  if (!NoteNewEdges()) return false;
+  twins_error_ = std::max(twins_error_, filling_.error);
+  Keep(twin);
+  return true;
+}
+
+// False when two sheets would make the same edge.
+template <FillingMeasure Measure, FillingRule Rule>
+bool Decimator<Measure, Rule>::NoteNewEdges() {
+  const auto edge = [&](uint32_t i, uint32_t j) {
+    return std::minmax({mesh_.first_twin(hole_.ring[i]), mesh_.first_twin(hole_.ring[j])});
+  };
+  if (new_edges_.empty()) new_edges_.emplace_back(edge(0, hole_.k - 1));
+  for (uint32_t t = 1; t < hole_.k - 2; ++t) {
+    const std::pair<uint32_t, uint32_t> made =
+        edge(filling_.triangles[t][0], filling_.triangles[t][2]);
+    if (std::find(new_edges_.begin(), new_edges_.end(), made) != new_edges_.end()) return false;
+    new_edges_.push_back(made);
+  }
+  return true;
+}
+
+// As IsReady.
+template <FillingMeasure Measure, FillingRule Rule>
+bool Decimator<Measure, Rule>::AreReady(uint32_t v) {
+  if (!EvaluateTwins(v)) return false;
+  if (!queue_.HasCheaperThan(twins_error_)) return true;
+  queue_.Push(v, twins_error_);
+  return false;
+}
+
+// The fillings are those that EvaluateTwins kept.
+template <FillingMeasure Measure, FillingRule Rule>
+void Decimator<Measure, Rule>::RemoveTwins(uint32_t v) {
+  Removal removal;
+  std::vector<uint32_t> rings;
+  uint32_t twin = v;
+  do {
+    mesh_.OpenHole(twin, degree_limit_, hole_);
+    TakeKept(twin);
+    const uint32_t first = mesh_.triangles();
+    if (twin == v) {
+      removal = mesh_.Fill(hole_, filling_.triangles);
+    } else {
+      mesh_.Fill(hole_, filling_.triangles, removal);
+    }
+    removal.error = std::max(removal.error, filling_.error);
+    measure_.HandOn(hole_, filling_, first);
+    rings.insert(rings.end(), hole_.ring.begin(), hole_.ring.end());
+    twin = mesh_.twin(twin);
+  } while (twin != v);
+  removals_.push_back(removal);
+  TellNeighbours(rings);
 }
 
 }  // namespace mtdb::internal

@@ -71,8 +71,8 @@ class TrianglePacking {
   // Of one triangle.
   size_t max_bytes() const {
     constexpr size_t kCorner = 1 + 4 * kMaxNearBytes;
-    return 2 + sizeof(uint64_t) + 3 * (kCorner + row_bytes_) + sizeof(float) + kMaxNearBytes +
-           2 * kMaxVarintBytes;
+    return 1 + 2 * 3 + sizeof(uint64_t) + 3 * (kCorner + row_bytes_) + sizeof(float) +
+           kMaxNearBytes + 2 * kMaxVarintBytes;
   }
 
  protected:
@@ -94,8 +94,13 @@ class TrianglePacker : public TrianglePacking {
     const TileTriangle fresh{};
     const bool history = t.error != fresh.error || t.child != fresh.child ||
                          t.child_slot != fresh.child_slot || t.height != fresh.height;
-    const auto edges = static_cast<uint8_t>(t.border_edges | t.fixed_corners << 3);
-    if (edges != 0) *to++ = static_cast<std::byte>(edges);
+    const bool explicit_arc = t.explicit_arc();
+    TileTriangle marks{};
+    marks.edges = t.edges;
+    marks.fans = t.fans;
+    marks.set_explicit_arc(false);
+    const bool has_marks = marks.edges != 0 || marks.fans != 0;
+    if (has_marks) to = PutVarint(PutVarint(to, marks.edges), marks.fans);
     const uint64_t difference = code - code_;
     const auto code_bytes = static_cast<uint8_t>((std::bit_width(difference) + 7) / 8);
     std::memcpy(to, &difference, sizeof(difference));
@@ -111,8 +116,8 @@ class TrianglePacker : public TrianglePacking {
       child_ = t.child;
     }
     *const_cast<std::byte*>(begin) =
-        static_cast<std::byte>((t.explicit_arc ? kExplicitArc : 0) | (history ? kHistory : 0) |
-                               (edges != 0 ? kEdges : 0) | code_bytes << kCodeShift);
+        static_cast<std::byte>((explicit_arc ? kExplicitArc : 0) | (history ? kHistory : 0) |
+                               (has_marks ? kEdges : 0) | code_bytes << kCodeShift);
     return static_cast<size_t>(to - begin);
   }
 
@@ -138,12 +143,13 @@ class TriangleUnpacker : public TrianglePacking {
   const std::byte* Unpack(const std::byte* from, TileTriangle* t, std::byte* rows, uint64_t* code) {
     const auto flags = static_cast<uint8_t>(*from++);
     *t = TileTriangle{};
-    t->explicit_arc = flags & kExplicitArc;
     if (flags & kEdges) {
-      const auto edges = static_cast<uint8_t>(*from++);
-      t->border_edges = edges & 7;
-      t->fixed_corners = edges >> 3;
+      uint64_t edges = 0, fans = 0;
+      from = GetVarint(GetVarint(from, &edges), &fans);
+      t->edges = static_cast<uint16_t>(edges);
+      t->fans = static_cast<uint16_t>(fans);
     }
+    t->set_explicit_arc((flags & kExplicitArc) != 0);
     const size_t code_bytes = std::min<size_t>(flags >> kCodeShift, sizeof(uint64_t));
     uint64_t difference = 0;
     std::memcpy(&difference, from, code_bytes);

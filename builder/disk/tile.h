@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "codecs/cluster/cluster_limits.h"
 #include "store/base/bytes.h"
 #include "store/base/geometry.h"
 #include "store/base/ids.h"
@@ -16,19 +17,48 @@ namespace mtdb::internal {
 // A triangle of a round's mesh. It carries everything that a later round needs, so that rounds can
 // stream: no table of the whole mesh is consulted.
 struct TileTriangle {
-  std::array<uint32_t, 3> vertices;  // the input's numbering
+  std::array<uint32_t, 3> vertices;  // the input's numbering, or behind it: see fan()
   std::array<Vec3i, 3> positions;    // grid
   float error = 0;                   // work units: bound on its distance to the input surface
   // The node that removes it lies in this cluster, at this in-slot; kNone32: full resolution.
   uint32_t child = kNone32;
   uint32_t child_slot = 0;
-  uint32_t height = 0;        // longest path of nodes from it to the drain
-  uint8_t border_edges = 0;   // bit i: edge (i, i+1) lies on the surface's border
-  uint8_t fixed_corners = 0;  // bit i: corner i is at a non-manifold vertex or edge
-  bool explicit_arc = false;  // the child needs slot and rotation named
-  uint8_t unused = 0;         // instead of padding: a triangle's bytes are hashed and noted down
+  uint32_t height = 0;  // longest path of nodes from it to the drain
+  // Packed: of edge i, (i, i+1), its order in bits 4i .. 4i+3; bits 12 .. 14: fixed corners.
+  uint16_t edges = 0;
+  // Packed: of corner i, its fan in bits 4i .. 4i+3; bit 12: the child needs slot and rotation
+  // named.
+  uint16_t fans = 0;
+
+  // 0: the edge is no crease. Else how many triangles are at it: 1 on the surface's border.
+  uint32_t order(uint32_t i) const { return edges >> 4 * i & 15u; }
+  void set_order(uint32_t i, uint32_t order) {
+    edges = static_cast<uint16_t>((edges & ~(15u << 4 * i)) | order << 4 * i);
+  }
+  // A vertex on a chain of creases of order m > 1 has a number for each of its fans, m in a row:
+  // fan f of it, 0 .. m - 1, has the f-th of them. Others have fan 0.
+  uint32_t fan(uint32_t corner) const { return fans >> 4 * corner & 15u; }
+  void set_fan(uint32_t corner, uint32_t fan) {
+    fans = static_cast<uint16_t>((fans & ~(15u << 4 * corner)) | fan << 4 * corner);
+  }
+  // Of its vertex: the number of fan 0.
+  uint32_t seat(uint32_t corner) const { return vertices[corner] - fan(corner); }
+  // The corner's vertex stays, whatever the error: it is a node of the graph of creases.
+  bool fixed(uint32_t corner) const { return (edges >> (12 + corner) & 1) != 0; }
+  void set_fixed(uint32_t corner, bool is) {
+    edges =
+        static_cast<uint16_t>((edges & ~(1u << (12 + corner))) | (is ? 1u : 0u) << (12 + corner));
+  }
+  bool explicit_arc() const { return (fans >> 12 & 1) != 0; }
+  void set_explicit_arc(bool is) {
+    fans = static_cast<uint16_t>((fans & ~(1u << 12)) | (is ? 1u : 0u) << 12);
+  }
 };
-static_assert(sizeof(TileTriangle) == 68 && offsetof(TileTriangle, unused) == 67);
+static_assert(sizeof(TileTriangle) == 68 && offsetof(TileTriangle, fans) == 66);
+
+// More triangles at a crease than this, and its ends stay.
+constexpr uint32_t kMostOrder = 15;
+static_assert(kMostOrder == kMostFans);
 
 // Some triangles, with the attribute rows of their corners (three a triangle).
 struct TriangleBlock {
@@ -36,14 +66,17 @@ struct TriangleBlock {
   Bytes rows;
 };
 
-// A vertex removal, to be read backwards as a node.
+// A vertex removal, to be read backwards as a node. All fans of the vertex go at once; each leaves
+// a hole of its own.
 struct Removal {
-  uint32_t vertex = 0;                      // local
-  double error = 0;                         // work units; bound for its whole hole
-  uint32_t hole_begin = 0, hole_count = 0;  // ranges in TileResult::holes
-  uint32_t star_begin = 0, star_count = 0;  // ranges in TileResult::stars
-  // True when the vertex was on the surface's border: one triangle less instead of two.
-  bool boundary() const { return star_count == hole_count + 1; }
+  uint32_t vertex = 0;                      // local; of its first fan
+  double error = 0;                         // work units; bound for all its holes
+  uint32_t hole_begin = 0, hole_count = 0;  // ranges in TileResult::holes, hole by hole
+  uint32_t star_begin = 0, star_count = 0;  // ranges in TileResult::stars, likewise
+  // 0: inside of the surface. Else the order of the creases that the vertex was on, of which each
+  // hole makes one edge: 1 on the surface's border. A hole has one triangle less than its fan then,
+  // otherwise two.
+  uint32_t fans = 0;
 };
 
 // Where an edge of the surface that errors are measured against runs over a triangle of the mesh,
@@ -60,12 +93,14 @@ static_assert(sizeof(Chord) == 20);
 
 // What decimating a tile leaves. Local triangles: the input's, then the created ones.
 struct TileResult {
-  std::vector<uint32_t> vertices;                  // of local vertices: the input's numbering
+  std::vector<uint32_t> vertices;                  // of local vertices: TileTriangle's numbering
+  std::vector<uint8_t> fans;                       // likewise: which fan of its vertex it is
+  std::vector<uint32_t> first_twins;               // likewise: the fan that stands for the vertex
   std::vector<uint32_t> first_corner;              // likewise: 3 * input triangle + corner
   std::vector<Vec3i> positions;                    // of local vertices
   std::vector<std::array<uint32_t, 3>> triangles;  // all local triangles
   std::vector<float> errors;                       // of all local triangles
-  std::vector<uint8_t> border_edges;               // likewise
+  std::vector<uint16_t> edge_orders;               // likewise, as TileTriangle::edges has them
   std::vector<uint8_t> alive;                      // likewise
   std::vector<uint8_t> fixed;                      // of local vertices: never removed anywhere
   std::vector<Removal> removals;                   // in order of removal

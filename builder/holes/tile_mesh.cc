@@ -52,9 +52,12 @@ void TileMesh::NumberVertices(std::span<const TileTriangle> tile) {
   first_corner_.clear();
   grid_positions_.clear();
   fixed_.clear();
+  fans_.clear();
+  has_twins_ = false;
   input_corners_.resize(tile.size());
   for (uint32_t t = 0; t < tile.size(); ++t) {
     for (uint32_t c = 0; c < 3; ++c) {
+      has_twins_ |= tile[t].fan(c) != 0 || tile[t].order(c) > 1;
       const uint32_t v = tile[t].vertices[c];
       const auto [number, fresh] = numbers.Add(v, vertices());
       if (fresh) {
@@ -62,9 +65,10 @@ void TileMesh::NumberVertices(std::span<const TileTriangle> tile) {
         first_corner_.push_back(3 * t + c);
         grid_positions_.push_back(tile[t].positions[c]);
         fixed_.push_back(0);
+        fans_.push_back(static_cast<uint8_t>(tile[t].fan(c)));
       }
       input_corners_[t][c] = number;
-      fixed_[number] |= tile[t].fixed_corners >> c & 1;
+      fixed_[number] |= static_cast<uint8_t>(tile[t].fixed(c));
     }
   }
 }
@@ -78,20 +82,27 @@ void TileMesh::Load(std::span<const TileTriangle> tile, const Grid& grid, bool i
     places_[v].position =
         grid.is_linear() ? ToDouble(grid_positions_[v]) : grid.Position(grid_positions_[v]);
     places_[v].locked = fixed_[v];
+    places_[v].twin = places_[v].first_twin = v;
   }
   PairHalfEdges(input_corners_, vertices(), input_opposites_);
+  constexpr uint16_t kOrders = 0xfff;
   triangles_.clear();
   for (uint32_t t = 0; t < n; ++t) {
-    const uint32_t* const across = &input_opposites_[3 * size_t{t}];
-    triangles_.push_back(
-        {input_corners_[t], {across[0], across[1], across[2]}, tile[t].border_edges});
+    uint32_t* const across = &input_opposites_[3 * size_t{t}];
+    for (uint32_t i = 0; i < 3; ++i) {
+      // Two of several triangles at a crease may look like all that there are.
+      if (tile[t].order(i) > 1) across[i] = kNone32;
+    }
+    triangles_.push_back({input_corners_[t],
+                          {across[0], across[1], across[2]},
+                          static_cast<uint16_t>(tile[t].edges & kOrders)});
   }
   for (uint32_t h = 0; h < 3 * n; ++h) {
     Place& a = places_[Origin(h)];
     Place& b = places_[Origin(Next(h))];
     if (opposite(h) == kNone32) {
-      if (triangles_[h / 3].IsBorder(h % 3)) {
-        a.on_border = b.on_border = true;
+      if (const uint32_t order = triangles_[h / 3].order(h % 3); order != 0) {
+        a.order = b.order = static_cast<uint8_t>(order);
         a.half_edge = h;
       } else {
         a.locked = b.locked = true;
@@ -99,10 +110,39 @@ void TileMesh::Load(std::span<const TileTriangle> tile, const Grid& grid, bool i
     }
     if (a.half_edge == kNone32) a.half_edge = h;
   }
+  if (has_twins_) FindTwins(tile);
   ring_mark_.assign(vertices(), 0);
   holes_.clear();
   stars_.clear();
   live_triangles_ = n;
+}
+
+// A vertex on a chain can go when all its fans are here as a whole.
+void TileMesh::FindTwins(std::span<const TileTriangle> tile) {
+  std::vector<std::pair<uint32_t, uint32_t>> fans;  // the first one's number, the vertex here
+  for (uint32_t v = 0; v < vertices(); ++v) {
+    const uint32_t corner = first_corner_[v];
+    fans.emplace_back(tile[corner / 3].seat(corner % 3), v);
+  }
+  std::sort(fans.begin(), fans.end(), [&](const auto& a, const auto& b) {
+    return a.first != b.first ? a.first < b.first : vertices_[a.second] < vertices_[b.second];
+  });
+  for (size_t begin = 0, end = 0; begin < fans.size(); begin = end) {
+    bool locked = false;
+    uint32_t order = 1;
+    for (; end < fans.size() && fans[end].first == fans[begin].first; ++end) {
+      const Place& place = places_[fans[end].second];
+      locked |= place.locked;
+      order = std::max<uint32_t>(order, place.order);
+    }
+    locked |= end - begin != order;
+    for (size_t i = begin; i < end; ++i) {
+      Place& place = places_[fans[i].second];
+      place.locked = locked;
+      place.twin = fans[i + 1 == end ? begin : i + 1].second;
+      place.first_twin = fans[begin].second;
+    }
+  }
 }
 
 bool TileMesh::OpenHole(uint32_t v, uint32_t limit, Hole& hole) const {
@@ -127,7 +167,7 @@ bool TileMesh::OpenHole(uint32_t v, uint32_t limit, Hole& hole) const {
   } while (h != first);
   hole.vertex = v;
   hole.k = static_cast<uint32_t>(hole.ring.size());
-  hole.boundary = places_[v].on_border;
+  hole.boundary = places_[v].order != 0;
   hole.border_out = first;
   hole.folded = false;
   hole.flat = is_height_field_;
@@ -149,8 +189,15 @@ bool TileMesh::AnyNeighbour(uint32_t v, F&& f) const {
   return false;
 }
 
+// Every edge with an unlocked end is in a fan of that end, and all these are whole.
 bool TileMesh::AreAdjacent(uint32_t unlocked, uint32_t other) const {
-  return AnyNeighbour(unlocked, [&](uint32_t w) { return w == other; });
+  const uint32_t wanted = first_twin(other);
+  uint32_t v = unlocked;
+  do {
+    if (AnyNeighbour(v, [&](uint32_t w) { return first_twin(w) == wanted; })) return true;
+    v = twin(v);
+  } while (v != unlocked);
+  return false;
 }
 
 bool TileMesh::EdgesAreFree(const Hole& hole) const {
@@ -167,7 +214,9 @@ bool TileMesh::EdgesAreFree(const Hole& hole) const {
   if (locked(ring[0]) && locked(ring[1]) && locked(ring[2])) return false;
   for (uint32_t i = 0; i < 3; ++i) {
     const uint32_t o = opposite(hole.ring_edges[i]);
-    if (o != kNone32 && Origin(Previous(o)) == ring[(i + 2) % 3]) return false;
+    if (o != kNone32 && first_twin(Origin(Previous(o))) == first_twin(ring[(i + 2) % 3])) {
+      return false;
+    }
   }
   return true;
 }
@@ -185,18 +234,22 @@ void TileMesh::ForbidEdges(Hole& hole, bool existing) {
     }
   }
   if (!existing) return;
-  // Every edge with an unlocked end is in the fan of that end, which is whole.
-  for (uint32_t i = 0; i < k; ++i) ring_mark_[ring[i]] = i + 1;
+  // As AreAdjacent.
+  for (uint32_t i = 0; i < k; ++i) ring_mark_[first_twin(ring[i])] = i + 1;
   for (uint32_t i = 0; i < k; ++i) {
     if (locked(ring[i])) continue;
-    AnyNeighbour(ring[i], [&](uint32_t w) {
-      if (const uint32_t j = ring_mark_[w]; j != 0) {
-        hole.forbidden[i][j - 1] = hole.forbidden[j - 1][i] = 1;
-      }
-      return false;
-    });
+    uint32_t v = ring[i];
+    do {
+      AnyNeighbour(v, [&](uint32_t w) {
+        if (const uint32_t j = ring_mark_[first_twin(w)]; j != 0) {
+          hole.forbidden[i][j - 1] = hole.forbidden[j - 1][i] = 1;
+        }
+        return false;
+      });
+      v = twin(v);
+    } while (v != ring[i]);
   }
-  for (uint32_t i = 0; i < k; ++i) ring_mark_[ring[i]] = 0;
+  for (uint32_t i = 0; i < k; ++i) ring_mark_[first_twin(ring[i])] = 0;
 }
 
 bool TileMesh::UsesExistingEdge(const Hole& hole, const Hole::Triangles& triangles) const {
@@ -210,14 +263,20 @@ bool TileMesh::UsesExistingEdge(const Hole& hole, const Hole::Triangles& triangl
 }
 
 Removal TileMesh::Fill(const Hole& hole, const Hole::Triangles& triangles) {
-  const uint32_t count = hole.k - 2;
-  const uint32_t first = this->triangles();
   Removal removal;
   removal.vertex = hole.vertex;
+  removal.fans = places_[hole.vertex].order;
   removal.star_begin = static_cast<uint32_t>(stars_.size());
-  removal.star_count = static_cast<uint32_t>(hole.star.size());
   removal.hole_begin = static_cast<uint32_t>(holes_.size());
-  removal.hole_count = count;
+  Fill(hole, triangles, removal);
+  return removal;
+}
+
+void TileMesh::Fill(const Hole& hole, const Hole::Triangles& triangles, Removal& removal) {
+  const uint32_t count = hole.k - 2;
+  const uint32_t first = this->triangles();
+  removal.star_count += static_cast<uint32_t>(hole.star.size());
+  removal.hole_count += count;
   for (const uint32_t t : hole.star) {
     triangles_[t].alive = false;
     stars_.push_back(t);
@@ -229,8 +288,7 @@ Removal TileMesh::Fill(const Hole& hole, const Hole::Triangles& triangles) {
   }
   LinkFilling(hole, triangles, first);
   places_[hole.vertex].removed = true;
-  live_triangles_ -= removal.star_count - count;
-  return removal;
+  live_triangles_ -= static_cast<uint32_t>(hole.star.size()) - count;
 }
 
 // Pairs the half-edges of the filling, among themselves and with what lies around the hole.
@@ -247,9 +305,9 @@ void TileMesh::LinkFilling(const Hole& hole, const Hole::Triangles& triangles, u
         const uint32_t beyond = opposite(old);
         opposite(h) = beyond;
         if (beyond != kNone32) opposite(beyond) = h;
-        triangles_[id].border |= static_cast<uint8_t>(triangles_[old / 3].IsBorder(old % 3) << c);
+        triangles_[id].orders |= static_cast<uint16_t>(triangles_[old / 3].order(old % 3) << 4 * c);
       } else if (hole.IsNewBorder(a, b)) {
-        triangles_[id].border |= static_cast<uint8_t>(1 << c);
+        triangles_[id].orders |= static_cast<uint16_t>(places_[hole.vertex].order << 4 * c);
       } else {
         diagonal[a][b] = h;
       }
@@ -275,14 +333,17 @@ void TileMesh::CopyTo(TileResult& result) const {
   result.first_corner = first_corner_;
   result.positions = grid_positions_;
   result.triangles.reserve(triangles());
-  result.border_edges.reserve(triangles());
+  result.edge_orders.reserve(triangles());
   result.alive.reserve(triangles());
   for (const Triangle& t : triangles_) {
     result.triangles.push_back(t.corners);
-    result.border_edges.push_back(t.border);
+    result.edge_orders.push_back(t.orders);
     result.alive.push_back(t.alive);
   }
   result.fixed = fixed_;
+  result.fans = fans_;
+  result.first_twins.reserve(vertices());
+  for (const Place& place : places_) result.first_twins.push_back(place.first_twin);
   result.holes = holes_;
   result.stars = stars_;
 }

@@ -22,7 +22,11 @@ constexpr uint32_t Previous(uint32_t h) { return h % 3 == 0 ? h + 2 : h - 1; }
 // Triangles and vertices have local numbers: the tile's triangles first, then those that fillings
 // made; vertices in order of first use. Half-edge 3 * triangle + i leaves corner i for corner i
 // + 1. Keeps topology and orientation: what it is asked to do is legal, see EdgesAreFree and
-// ForbidEdges. A vertex on the tile's seam or at a non-manifold place is locked: it stays.
+// ForbidEdges. A vertex on the tile's seam, or one that stays everywhere, is locked.
+//
+// The sheets that meet in a chain of creases are apart here: a vertex of the chain is as many
+// vertices as it has fans, its twins, each on the border of its sheet. They have one place, and go
+// together. An edge joins two vertices when it joins any twins of them.
 class TileMesh {
  public:
   // `grid` gives the tile's positions in work units: grid steps, or model units when lossless. Of a
@@ -36,7 +40,11 @@ class TileMesh {
   // The input's numbering.
   std::span<const uint32_t> vertex_numbers() const { return vertices_; }
   bool locked(uint32_t v) const { return places_[v].locked; }
-  bool fixed(uint32_t v) const { return fixed_[v] != 0; }  // at a non-manifold place
+  bool fixed(uint32_t v) const { return fixed_[v] != 0; }  // stays everywhere
+  // The next fan of the vertex, after the last one the first; v when it is the only one.
+  uint32_t twin(uint32_t v) const { return places_[v].twin; }
+  // Fan 0 of the vertex.
+  uint32_t first_twin(uint32_t v) const { return places_[v].first_twin; }
   bool removed(uint32_t v) const { return places_[v].removed; }
   Vec3d position(uint32_t v) const { return places_[v].position; }  // work units
   const std::array<uint32_t, 3>& corners(uint32_t t) const { return triangles_[t].corners; }
@@ -44,8 +52,8 @@ class TileMesh {
   std::span<const std::array<uint32_t, 3>> input_corners() const { return input_corners_; }
   std::span<const uint32_t> input_opposites() const { return input_opposites_; }
 
-  // Fills in what a hole is, of a vertex that is there and not locked. False when it has more than
-  // `limit` neighbours (at most Hole::kMaxRing).
+  // Fills in what a hole is, of a vertex that is there and not locked; of one of its fans. False
+  // when it has more than `limit` neighbours (at most Hole::kMaxRing).
   bool OpenHole(uint32_t v, uint32_t limit, Hole& hole) const;
   // False when no filling of the hole is legal: the new border edge exists already, or the new
   // triangle would be locked as a whole or close a tetrahedron.
@@ -57,6 +65,8 @@ class TileMesh {
   bool UsesExistingEdge(const Hole& hole, const Hole::Triangles& triangles) const;
   // Puts the filling in the place of the vertex and its star. Leaves the error of the removal open.
   Removal Fill(const Hole& hole, const Hole::Triangles& triangles);
+  // Likewise of the next fan of the same vertex, whose first one was filled last.
+  void Fill(const Hole& hole, const Hole::Triangles& triangles, Removal& removal);
 
   // All but removals, errors and counts.
   void CopyTo(TileResult& result) const;
@@ -66,15 +76,18 @@ class TileMesh {
   struct alignas(32) Triangle {  // current or past
     std::array<uint32_t, 3> corners;
     std::array<uint32_t, 3> opposites{kNone32, kNone32, kNone32};
-    uint8_t border = 0;  // a bit for each side
+    uint16_t orders = 0;  // of its edges, as TileTriangle::edges has them
     bool alive = true;
-    bool IsBorder(uint32_t side) const { return border >> side & 1; }
+    uint32_t order(uint32_t side) const { return orders >> 4 * side & 15u; }
   };
   struct alignas(32) Place {  // of a vertex
     Vec3d position;
     uint32_t half_edge = kNone32;  // outgoing; of a border vertex the one on the border
-    bool locked = false, on_border = false, removed = false;
+    uint32_t twin = 0, first_twin = 0;
+    uint8_t order = 0;  // of the creases at it; 0: none
+    bool locked = false, removed = false;
   };
+  void FindTwins(std::span<const TileTriangle> tile);
   void NumberVertices(std::span<const TileTriangle> tile);
   void LinkFilling(const Hole& hole, const Hole::Triangles& triangles, uint32_t first);
   bool AreAdjacent(uint32_t unlocked, uint32_t other) const;
@@ -95,7 +108,8 @@ class TileMesh {
   std::vector<uint32_t> vertices_;      // the input's numbering
   std::vector<uint32_t> first_corner_;  // 3 * input triangle + corner
   std::vector<Vec3i> grid_positions_;
-  std::vector<uint8_t> fixed_;
+  std::vector<uint8_t> fixed_, fans_;
+  bool has_twins_ = false;
   std::vector<uint32_t> ring_mark_;
   // Of removals.
   std::vector<uint32_t> holes_, stars_;

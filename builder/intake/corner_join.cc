@@ -15,11 +15,16 @@ namespace {
 struct Corner {
   uint32_t vertex, a, b;
 };
-constexpr uint8_t kFixed = 1;      // v is at a non-manifold vertex or edge
-constexpr uint8_t kBorder = 2;     // edge (v, a) is on the border
-constexpr uint8_t kDuplicate = 4;  // the triangle repeats an earlier one
+// What is answered: the order of the edge (v, a), see TileTriangle::order, and ...
+constexpr uint16_t kOrderMask = 15;
+constexpr uint16_t kFixed = 16;      // v is a node of the graph of creases, or not one fan
+constexpr uint16_t kDuplicate = 32;  // the triangle repeats an earlier one
+constexpr uint16_t kChain = 64;      // v has a number for each fan; this one's in the bits above
+constexpr int kFanShift = 7;
 // Memory that a range takes per corner: the corner, its place in the vertex's list, its answer.
-constexpr size_t kCornerMemory = sizeof(Corner) + sizeof(uint32_t) + 1;
+constexpr size_t kCornerMemory = sizeof(Corner) + sizeof(uint32_t) + sizeof(uint16_t);
+// And per vertex, beside its row: position, displacement, list, first number of its fans.
+constexpr size_t kVertexMemory = sizeof(Vec3i) + sizeof(double) + 2 * sizeof(uint32_t);
 
 // What is asked of the vertices of a range, in the input's order: their corners, as differences to
 // the one before. A triangle whose vertices all lie in the range is there once, for its corners.
@@ -68,7 +73,8 @@ class Questions {
   uint64_t count_ = 0;
 };
 
-// An answer is a byte: flags, and whether the vertex is known from an answer not long ago. Else its
+// An answer is a byte: flags, and whether the vertex is known from an answer not long ago. Flags
+// that do not fit follow, with the first number of a chain's vertex. Unless it is known, its
 // position follows, as a difference to the one that was said last, and its row.
 class AnswerPacking {
  public:
@@ -78,38 +84,52 @@ class AnswerPacking {
     table_.resize(known_);
     rows_.resize(known_ * row_bytes);
   }
-  size_t max_bytes() const { return 1 + 3 * kMaxNearBytes + row_bytes_; }
+  size_t max_bytes() const { return 1 + 2 * kMaxVarintBytes + 3 * kMaxNearBytes + row_bytes_; }
 
-  size_t Put(uint32_t vertex, Vec3i position, const std::byte* row, uint8_t flags,
+  size_t Put(uint32_t vertex, Vec3i position, const std::byte* row, uint16_t flags, uint32_t number,
              std::byte* bytes) {
     const size_t at = vertex & (known_ - 1);
     const bool known = table_[at].vertex == vertex;
+    const bool few = flags < kChain;
     std::byte* to = bytes;
-    *to++ = static_cast<std::byte>(flags << 1 | known);
-    if (known) return 1;
+    *to++ = static_cast<std::byte>((few ? flags << 1 : kLong) | known);
+    if (!few) to = PutVarint(PutVarint(to, flags), number);
+    if (known) return static_cast<size_t>(to - bytes);
     to = PutNear(to, position, last_);
     std::copy_n(row, row_bytes_, to);
     Remember(at, vertex, position, row);
     return static_cast<size_t>(to - bytes) + row_bytes_;
   }
-  // `vertex` as it was put; of max_bytes() that may be looked at. Returns what follows. `row` is
-  // valid until the next call.
-  const std::byte* Get(uint32_t vertex, const std::byte* from, Vec3i* position,
-                       const std::byte** row, uint8_t* flags) {
+  struct Answer {
+    Vec3i position;
+    const std::byte* row = nullptr;  // valid until the next one
+    uint16_t flags = 0;
+    uint32_t number = 0;
+  };
+  // `vertex` as it was put; of max_bytes() that may be looked at. Returns what follows.
+  const std::byte* Get(uint32_t vertex, const std::byte* from, Answer* answer) {
     const size_t at = vertex & (known_ - 1);
     const auto head = static_cast<uint8_t>(*from++);
-    *flags = head >> 1;
+    answer->flags = (head & 0x7f) >> 1;
+    if (head & kLong) {
+      uint64_t flags = 0, number = 0;
+      from = GetVarint(GetVarint(from, &flags), &number);
+      answer->flags = static_cast<uint16_t>(flags);
+      answer->number = static_cast<uint32_t>(number);
+    }
     if (!(head & 1)) {
-      from = GetNear(from, position, last_);
-      Remember(at, vertex, *position, from);
+      Vec3i position;
+      from = GetNear(from, &position, last_);
+      Remember(at, vertex, position, from);
       from += row_bytes_;
     }
-    *position = table_[at].position;
-    *row = rows_.data() + at * row_bytes_;
+    answer->position = table_[at].position;
+    answer->row = rows_.data() + at * row_bytes_;
     return from;
   }
 
  private:
+  static constexpr uint8_t kLong = 0x80;
   struct Known {
     uint32_t vertex = kNone32;
     Vec3i position;
@@ -134,10 +154,11 @@ class Link {
     uint64_t duplicates = 0;
     uint64_t border_edges = 0;       // running away from the vertex
     uint64_t nonmanifold_edges = 0;  // to a larger vertex
-    bool fixed = false;
+    bool manifold = true;
+    uint32_t fans = 0;  // of a vertex on a chain of creases of this order, more than 1
   };
   // `places` index `corners` in the input's order; sets their `flags`.
-  Counts Analyse(std::span<const uint32_t> places, const Corner* corners, uint8_t* flags) {
+  Counts Analyse(std::span<const uint32_t> places, const Corner* corners, uint16_t* flags) {
     Counts counts;
     edges_.clear();
     for (const uint32_t i : places) edges_.push_back({corners[i].a, corners[i].b, i});
@@ -145,50 +166,28 @@ class Link {
     std::sort(edges_.begin(), edges_.end(), [](const Edge& x, const Edge& y) {
       return std::tie(x.a, x.b, x.place) < std::tie(y.a, y.b, y.place);
     });
-    // Duplicates go; counted at the smallest of the three vertices.
-    size_t kept = 0;
-    for (size_t i = 0; i < edges_.size(); ++i) {
-      const Edge& e = edges_[i];
-      if (i > 0 && e.a == edges_[i - 1].a && e.b == edges_[i - 1].b) {
-        flags[e.place] |= kDuplicate;
-        const uint32_t v = corners[e.place].vertex;
-        counts.duplicates += v < e.a && v < e.b;
-      } else {
-        edges_[kept++] = e;
-      }
-    }
-    edges_.resize(kept);
-
-    // Neighbours with the number of link edges that begin and end there.
-    ends_.clear();
-    for (const Edge& e : edges_) {
-      ends_.push_back({e.a, true});
-      ends_.push_back({e.b, false});
-    }
-    std::sort(ends_.begin(), ends_.end());
+    DropDuplicates(corners, flags, counts);
+    if (edges_.empty()) return counts;
     const uint32_t v = corners[places[0]].vertex;
-    neighbours_.clear();
-    for (size_t i = 0; i < ends_.size();) {
-      Neighbour n{ends_[i].first, 0, 0};
-      for (; i < ends_.size() && ends_[i].first == n.vertex; ++i) {
-        (ends_[i].second ? n.out : n.in) += 1;
-      }
-      const bool border = n.out + n.in == 1;
-      const bool manifold = border || (n.out == 1 && n.in == 1);
-      if (!manifold) {
-        counts.fixed = true;
-        counts.nonmanifold_edges += v < n.vertex;
-      }
-      counts.border_edges += border && n.out == 1;
-      neighbours_.push_back(n);
+    CountUses();
+    bool known = true;  // the orders of all edges
+    uint32_t creases = 0;
+    for (const Neighbour& n : neighbours_) {
+      counts.border_edges += n.uses() == 1 && n.out == 1;
+      creases += n.order() != 0;
+      known &= n.order() <= kMostOrder;
+      if (n.order() < 2) continue;
+      counts.manifold = false;
+      counts.nonmanifold_edges += v < n.vertex;
     }
+    const bool chain = FindFans(creases) && known;
+    counts.manifold &= chain;
+    if (chain && fans_ > 1) counts.fans = fans_;
     for (const Edge& e : edges_) {
-      const Neighbour& n = At(e.a);
-      if (n.out == 1 && n.in == 0) flags[e.place] |= kBorder;
-    }
-    if (!counts.fixed && !edges_.empty()) counts.fixed = !OnePiece();
-    if (counts.fixed) {
-      for (const Edge& e : edges_) flags[e.place] |= kFixed;
+      uint32_t answer = std::min(At(e.a).order(), kMostOrder);
+      if (!chain) answer |= kFixed;
+      if (counts.fans > 0) answer |= kChain | e.fan << kFanShift;
+      flags[e.place] = static_cast<uint16_t>(flags[e.place] | answer);
     }
     return counts;
   }
@@ -196,10 +195,13 @@ class Link {
  private:
   struct Edge {
     uint32_t a, b, place;
+    uint32_t fan = kNone32;
   };
   struct Neighbour {
     uint32_t vertex;
     uint32_t out, in;
+    uint32_t uses() const { return out + in; }
+    uint32_t order() const { return out == 1 && in == 1 ? 0 : uses(); }
   };
   // True when the edges, in any order, are one cycle: most vertices. A walk that returns to its
   // first edge after as many steps as there are edges has met each once, and no two begin alike.
@@ -215,31 +217,86 @@ class Link {
       if (step == edges_.size()) return false;
     }
   }
+  // They are counted at the smallest of the three vertices.
+  void DropDuplicates(const Corner* corners, uint16_t* flags, Counts& counts) {
+    size_t kept = 0;
+    for (size_t i = 0; i < edges_.size(); ++i) {
+      const Edge& e = edges_[i];
+      if (i > 0 && e.a == edges_[kept - 1].a && e.b == edges_[kept - 1].b) {
+        flags[e.place] |= kDuplicate;
+        const uint32_t v = corners[e.place].vertex;
+        counts.duplicates += v < e.a && v < e.b;
+      } else {
+        edges_[kept++] = e;
+      }
+    }
+    edges_.resize(kept);
+  }
+  // Sets the neighbours, with the number of link edges that begin and end there.
+  void CountUses() {
+    ends_.clear();
+    for (const Edge& e : edges_) {
+      ends_.push_back({e.a, true});
+      ends_.push_back({e.b, false});
+    }
+    std::sort(ends_.begin(), ends_.end());
+    neighbours_.clear();
+    for (size_t i = 0; i < ends_.size();) {
+      Neighbour n{ends_[i].first, 0, 0};
+      for (; i < ends_.size() && ends_[i].first == n.vertex; ++i) {
+        (ends_[i].second ? n.out : n.in) += 1;
+      }
+      neighbours_.push_back(n);
+    }
+  }
   const Neighbour& At(uint32_t vertex) const {
     return *std::lower_bound(neighbours_.begin(), neighbours_.end(), vertex,
                              [](const Neighbour& n, uint32_t x) { return n.vertex < x; });
   }
-  // Every neighbour has at most one edge in and one out: walks from the path's begin, if any.
-  bool OnePiece() const {
-    uint32_t start = edges_[0].a;
-    for (const Edge& e : edges_) {
-      if (At(e.a).in == 0) start = e.a;
+  // Follows the fan that begins with the edge; returns where it ends, or where it began.
+  uint32_t Follow(Edge& first, uint32_t fan) {
+    for (Edge* e = &first;;) {
+      e->fan = fan;
+      if (At(e->b).order() != 0) return e->b;
+      const auto next = std::lower_bound(edges_.begin(), edges_.end(), e->b,
+                                         [](const Edge& x, uint32_t y) { return x.a < y; });
+      e = &*next;
+      if (e == &first) return e->a;
     }
-    size_t met = 0;
-    for (uint32_t x = start; met <= edges_.size();) {
-      const auto e = std::lower_bound(edges_.begin(), edges_.end(), x,
-                                      [](const Edge& edge, uint32_t y) { return edge.a < y; });
-      if (e == edges_.end() || e->a != x) break;
-      ++met;
-      x = e->b;
-      if (x == start) break;
+  }
+  // Numbers the fans in the input's order. False when the vertex stays: when it has more than one
+  // fan without being on a chain, or is an end of creases.
+  bool FindFans(uint32_t creases) {
+    fans_ = 0;
+    first_places_.clear();
+    bool chain = creases == 0 || creases == 2;
+    for (Edge& e : edges_) {
+      if (At(e.a).order() == 0) continue;
+      chain &= Follow(e, fans_++) != e.a;
     }
-    return met == edges_.size();
+    const uint32_t open = fans_;
+    for (Edge& e : edges_) {
+      if (e.fan == kNone32) Follow(e, fans_++);
+    }
+    // Of a chain, each fan runs from one crease to the other.
+    chain &= creases == 0 ? fans_ == 1 : fans_ == open && fans_ <= kMostOrder;
+    if (!chain || fans_ == 1) return chain;
+    first_places_.assign(fans_, kNone32);
+    for (const Edge& e : edges_) first_places_[e.fan] = std::min(first_places_[e.fan], e.place);
+    std::vector<uint32_t> sorted = first_places_;
+    std::sort(sorted.begin(), sorted.end());
+    for (Edge& e : edges_) {
+      e.fan = static_cast<uint32_t>(
+          std::lower_bound(sorted.begin(), sorted.end(), first_places_[e.fan]) - sorted.begin());
+    }
+    return true;
   }
 
   std::vector<Edge> edges_;  // sorted by a
   std::vector<std::pair<uint32_t, bool>> ends_;
   std::vector<Neighbour> neighbours_;
+  uint32_t fans_ = 0;
+  std::vector<uint32_t> first_places_;  // of fans
 };
 
 class Join {
@@ -249,8 +306,7 @@ class Join {
     const uint64_t vertices = input.vertices();
     const uint64_t triangles = input.triangles();
     const uint64_t need =
-        3 * triangles * kCornerMemory +
-        vertices * (sizeof(Vec3i) + sizeof(double) + input.row_bytes() + sizeof(uint32_t));
+        3 * triangles * kCornerMemory + vertices * (kVertexMemory + input.row_bytes());
     // A range is a power of two, and small enough that its tables stay near the processor.
     const unsigned threads = std::max(1u, options.threads);
     const uint64_t room = std::max<uint64_t>(options.table_bytes, 1);
@@ -261,6 +317,7 @@ class Join {
     const uint64_t count = ((vertices - 1) >> range_bits_) + 1;
     range_need_ = need / count;
     workers_ = static_cast<unsigned>(std::clamp<uint64_t>(room / (range_need_ + 1), 1, threads));
+    first_fans_.resize(count);
     for (uint64_t r = 0; r < count; ++r) {
       questions_.emplace_back(options.space, options.memory_bytes / 4 / count);
       answers_.emplace_back(options.space, options.memory_bytes / 4 / count);
@@ -297,6 +354,7 @@ class Join {
       totals_.rounding_error = std::max(totals_.rounding_error, part.rounding_error);
     }
     input_.DropVertices();
+    MTDB_RETURN_IF_ERROR(NumberFans());
     return Collect(receive);
   }
 
@@ -318,7 +376,9 @@ class Join {
     Bytes rows;
     std::vector<Corner> corners;
     std::vector<uint32_t> begin, places;
-    std::vector<uint8_t> flags;
+    std::vector<uint16_t> flags;
+    std::vector<uint32_t> numbers;  // of vertices on chains: of their first fans, in the range
+    uint32_t fans = 0;              // of the range's vertices on chains
   };
   Status Ask() {
     SpoolReader reader(&input_.triangle_spool());
@@ -354,8 +414,11 @@ class Join {
       w.totals.duplicate_triangles += counts.duplicates;
       w.totals.boundary_edges += counts.border_edges;
       w.totals.nonmanifold_edges += counts.nonmanifold_edges;
-      w.totals.nonmanifold_vertices += counts.fixed;
+      w.totals.nonmanifold_vertices += !counts.manifold;
+      w.numbers[v] = w.fans;
+      w.fans += counts.fans;
     }
+    first_fans_[r] = w.fans;
     return WriteAnswers(r, first, w);
   }
 
@@ -365,6 +428,8 @@ class Join {
     const size_t row = input_.row_bytes();
     w.positions.resize(vertices);
     w.displaced.resize(vertices);
+    w.numbers.assign(vertices, 0);
+    w.fans = 0;
     w.rows.resize(vertices * row);
     SpoolReader vertex_reader(&input_.vertex_spool(), first * input_.vertex_bytes(),
                               (first + vertices) * input_.vertex_bytes());
@@ -407,10 +472,20 @@ class Join {
     for (size_t i = 0; i < w.corners.size(); ++i) {
       const uint64_t v = w.corners[i].vertex - first;
       const size_t size = packing.Put(w.corners[i].vertex, w.positions[v], w.rows.data() + v * row,
-                                      w.flags[i], answer.data());
+                                      w.flags[i], w.numbers[v], answer.data());
       MTDB_RETURN_IF_ERROR(answers_[r].Append(answer.data(), size));
     }
     return answers_[r].Finish();
+  }
+
+  // The fans of vertices on chains have the numbers behind the input's, range by range.
+  Status NumberFans() {
+    uint64_t next = input_.vertices();
+    for (uint64_t& fans : first_fans_) next += std::exchange(fans, next);
+    if (next < kNone32) return Status::Ok();
+    return Status(StatusCode::kUnsupported, std::to_string(next) + " fans of vertices; at most " +
+                                                std::to_string(kNone32 - 1) +
+                                                " can be built at once");
   }
 
   Status Collect(const BlockReceiver& receive) {
@@ -433,20 +508,24 @@ class Join {
       }
       TileTriangle& triangle = out.triangles.emplace_back();
       triangle.vertices = vertices;
-      uint8_t all = 0;
-      for (size_t c = 0; c < 3; ++c) {
+      uint16_t all = 0;
+      for (uint32_t c = 0; c < 3; ++c) {
         const size_t range = vertices[c] >> range_bits_;
-        const std::byte* const answer = answers[range].Peek(most);
-        if (answer == nullptr) return answers[range].status();
-        uint8_t flags = 0;
-        const std::byte* its_row = nullptr;
-        const std::byte* const end =
-            packings[range].Get(vertices[c], answer, &triangle.positions[c], &its_row, &flags);
-        answers[range].Skip(static_cast<size_t>(end - answer));
-        all |= flags;
-        triangle.fixed_corners |= static_cast<uint8_t>(((flags & kFixed) != 0) << c);
-        triangle.border_edges |= static_cast<uint8_t>(((flags & kBorder) != 0) << c);
-        out.rows.insert(out.rows.end(), its_row, its_row + row);
+        const std::byte* const bytes = answers[range].Peek(most);
+        if (bytes == nullptr) return answers[range].status();
+        AnswerPacking::Answer answer;
+        const std::byte* const end = packings[range].Get(vertices[c], bytes, &answer);
+        answers[range].Skip(static_cast<size_t>(end - bytes));
+        all |= answer.flags;
+        triangle.positions[c] = answer.position;
+        triangle.set_order(c, answer.flags & kOrderMask);
+        triangle.set_fixed(c, (answer.flags & kFixed) != 0);
+        if (answer.flags & kChain) {
+          const uint32_t fan = answer.flags >> kFanShift;
+          triangle.vertices[c] = static_cast<uint32_t>(first_fans_[range] + answer.number + fan);
+          triangle.set_fan(c, fan);
+        }
+        out.rows.insert(out.rows.end(), answer.row, answer.row + row);
       }
       if (all & kDuplicate) {
         out.triangles.pop_back();
@@ -470,6 +549,8 @@ class Join {
   unsigned workers_ = 1;              // ranges at work at a time
   std::vector<Questions> questions_;  // per range
   std::vector<Spool> answers_;        // per range, by AnswerPacking
+  // Per range: how many fans its vertices on chains have; then the number of the first one.
+  std::vector<uint64_t> first_fans_;
 };
 
 }  // namespace

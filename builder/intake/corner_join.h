@@ -35,8 +35,10 @@ struct JoinOptions {
 // sends each corner, with the edge opposite to it, to the range of its vertex. Then, range by
 // range, the edges opposite to a vertex (its link) tell all about it:
 // - an edge vx occurs as often as x is an end of a link edge: once on the border, twice (once in
-//   each direction) inside a manifold; otherwise it is non-manifold, and so are its ends;
-// - a vertex whose link is not one path or cycle is non-manifold;
+//   each direction) inside a manifold; otherwise it is non-manifold. All but the second are creases
+//   (docs/glossary.md), and as often is their order;
+// - a path of link edges between creases is a fan. A vertex with two creases that all its fans join
+//   is on a chain; it stays when it has other creases, or several fans;
 // - a link edge that repeats is a duplicate triangle: the first in the input's order stays.
 // The last pass over the triangles meets the answers in the order of the questions.
 //
@@ -46,8 +48,8 @@ struct JoinOptions {
 // Errors: kBudgetExceeded (a range's tables are larger than `table_bytes`), and those of Spool.
 //
 // Passes the kept triangles to `receive` in blocks, in the input's order; vertices, positions,
-// border_edges, fixed_corners are set. All totals but the number of kept triangles are there before
-// the first block.
+// edges and fans are set. All totals but the number of kept triangles are there before the first
+// block.
 using BlockReceiver = std::function<Status(TriangleBlock)>;
 Status JoinCorners(InputMesh& input, const Grid& grid, const JoinOptions& options,
                    JoinTotals* totals, const BlockReceiver& receive);

@@ -145,7 +145,7 @@ Status BorderSweep::Add(const TileTriangle& t) {
     }
   }
   for (size_t i = 0; i < 3; ++i) {
-    if ((t.border_edges >> i & 1) == 0) continue;
+    if (t.order(i) == 0) continue;
     const Vec3i& a = t.positions[i];
     const Vec3i& b = t.positions[(i + 1) % 3];
     const Point p{a.x, a.y}, q{b.x, b.y};

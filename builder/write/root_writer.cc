@@ -54,10 +54,10 @@ Status RootWriter::AddPiece(const std::vector<TileTriangle>& triangles, const By
     auto& corners = piece.in.triangles.emplace_back();
     std::array<uint32_t, 3> root;
     for (size_t c = 0; c < 3; ++c) {
-      root[c] = numbers_.Add(t.vertices[c]);
+      root[c] = numbers_.Add(t.seat(c));
       if (root[c] == joined_.size()) joined_.Add();
       const auto [it, inserted] =
-          local.try_emplace(t.vertices[c], static_cast<uint32_t>(piece.in.positions.size()));
+          local.try_emplace(t.seat(c), static_cast<uint32_t>(piece.in.positions.size()));
       if (inserted) {
         piece.in.positions.push_back(t.positions[c]);
         piece.in.vertices.push_back(root[c]);
@@ -71,14 +71,14 @@ Status RootWriter::AddPiece(const std::vector<TileTriangle>& triangles, const By
       const uint32_t a = root[c];
       const uint32_t b = root[(c + 1) % 3];
       edges_.emplace_back(std::min(a, b), std::max(a, b));
-      on_border_.push_back(t.border_edges >> c & 1);
+      on_border_.push_back(t.order(c) == 1);
       joined_.Join(a, b);
     }
     uint32_t remover = kDrain;
     if (t.child != kNone32) {
       const auto at = std::lower_bound(piece.children.begin(), piece.children.end(), t.child);
       remover = kChildFlag | static_cast<uint32_t>(at - piece.children.begin());
-      if (t.explicit_arc) {
+      if (t.explicit_arc()) {
         piece.explicit_arcs.push_back({static_cast<uint32_t>(i), t.child_slot, 0});
       }
     }

@@ -23,12 +23,15 @@ ClusterUpdates UpdatesOf(const TriangleBlock& input, const TileResult& result, s
   updates.rows.reserve(result.vertices.size() * row);
   for (const uint32_t corner : result.first_corner) AppendRow(input, row, corner, updates.rows);
   updates.triangles = result.triangles;
+  for (std::array<uint32_t, 3>& corners : updates.triangles) {
+    for (uint32_t& v : corners) v = result.first_twins[v];
+  }
   updates.holes = result.holes;
   updates.stars = result.stars;
   updates.consumers.resize(result.triangles.size());
   for (size_t t = 0; t < input.triangles.size(); ++t) {
     const TileTriangle& own = input.triangles[t];
-    updates.consumers[t] = {own.child, own.child_slot, own.explicit_arc};
+    updates.consumers[t] = {own.child, own.child_slot, own.explicit_arc()};
   }
   return updates;
 }
@@ -43,6 +46,18 @@ double ArithmeticNoise(const TileResult& result, const Grid& grid) {
     largest = std::max({largest, std::abs(at.x), std::abs(at.y), std::abs(at.z)});
   }
   return std::ldexp(largest, -kNoiseBits);
+}
+
+// How many vertices lie around the holes that a removal leaves.
+uint32_t DegreeOf(const Removal& removal, std::span<const uint32_t> star,
+                  const ClusterUpdates& updates) {
+  if (removal.fans < 2) return removal.star_count + removal.fans;
+  std::vector<uint32_t> around;
+  for (const uint32_t t : star) {
+    around.insert(around.end(), updates.triangles[t].begin(), updates.triangles[t].end());
+  }
+  std::sort(around.begin(), around.end());
+  return static_cast<uint32_t>(std::unique(around.begin(), around.end()) - around.begin()) - 1;
 }
 
 // Adds the nodes to `updates`, and to `cluster` what their entry in the index and the object's
@@ -60,8 +75,9 @@ void AddNodes(const TileResult& result, const Grid& grid, ClusterUpdates& update
     entry.error_code_min = std::min(entry.error_code_min, code);
     entry.error_code_max = std::max(entry.error_code_max, code);
     updates.nodes.push_back({removal.vertex, code, removal.hole_begin, removal.hole_count,
-                             removal.star_begin, removal.star_count});
-    cluster.max_degree = std::max(cluster.max_degree, removal.star_count + removal.boundary());
+                             removal.star_begin, removal.star_count, removal.fans});
+    cluster.max_degree = std::max(
+        cluster.max_degree, DegreeOf(removal, updates.star(updates.nodes.size() - 1), updates));
     uint32_t height = 0;
     for (const uint32_t t : updates.star(updates.nodes.size() - 1)) {
       height = std::max(height, heights[t]);
@@ -84,15 +100,16 @@ void LeaveInTriangles(const TriangleBlock& input, const TileResult& result, size
       const uint32_t v = result.triangles[t][from];
       out.vertices[c] = result.vertices[v];
       out.positions[c] = result.positions[v];
-      out.border_edges |= static_cast<uint8_t>((result.border_edges[t] >> from & 1) << c);
-      out.fixed_corners |= static_cast<uint8_t>(result.fixed[v] << c);
+      out.set_order(c, result.edge_orders[t] >> 4 * from & 15u);
+      out.set_fixed(c, result.fixed[v] != 0);
+      out.set_fan(c, result.fans[v]);
       AppendRow(input, row, result.first_corner[v], cluster.left.rows);
     }
     out.error = result.errors[t];
     out.child = TileCluster::kOwnCluster;
     out.child_slot = slot;
     out.height = heights[t];
-    out.explicit_arc = encoded.explicit_arcs;
+    out.set_explicit_arc(encoded.explicit_arcs);
   }
 }
 

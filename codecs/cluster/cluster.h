@@ -100,7 +100,9 @@ struct NodeShape {
 // triangles, then come those that node 0 creates, node 1, ... Slots: the listed triangles, then
 // those that node 0 creates, node 1, ... A node's ring is the vertices around its hole,
 // counter-clockwise. A star's triangle j is (the node's vertex, ring[j], ring[j+1]); the ring of an
-// interior node is cyclic, that of a boundary node is open (one star triangle less). Nodes are in
+// interior node is cyclic, that of a boundary node is open (one star triangle less). A node of
+// several fans has as many holes, which share the edge that its vertex splits: a hole is open like
+// that of a boundary node, and its ring is the vertices around all holes, each once. Nodes are in
 // an order that every parent precedes its children.
 //
 // Parents create the slots below first_own_slot, the cluster itself the others. A piece of the root
@@ -120,6 +122,9 @@ struct Cluster {
   // Of other shapes than stars; both are empty when each node inserts one vertex.
   std::vector<uint32_t> vertex_begin;                    // nodes + 1; local vertices
   std::vector<std::array<uint32_t, 3>> created_corners;  // of slots listed() + 0, 1, ...
+  // Per node: how many open fans its star is; 0 for a closed one. Empty when none has several.
+  std::vector<uint8_t> fans;
+  std::vector<uint32_t> later_fans;  // the slots at which second and later fans begin, ascending
 
   uint32_t nodes() const { return static_cast<uint32_t>(error_codes.size()); }
   uint32_t in_triangles() const { return first_own_slot; }
@@ -133,8 +138,9 @@ struct Cluster {
   uint32_t first_vertex(NodeIndex i) const {
     return vertex_begin.empty() ? external_vertices() + i : vertex_begin[i];
   }
-  // True when the node's vertex splits an edge of the surface's border.
+  // True when the node's vertex splits an edge of the surface's border, or another crease.
   bool boundary(NodeIndex i) const {
+    if (!fans.empty()) return fans[i] != 0;
     return star_begin[i + 1] - star_begin[i] + 1 == ring_begin[i + 1] - ring_begin[i];
   }
   std::span<const uint32_t> ring(NodeIndex i) const {

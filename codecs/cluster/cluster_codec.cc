@@ -5,6 +5,7 @@
 #include <cstring>
 #include <optional>
 
+#include "codecs/cluster/cluster_limits.h"
 #include "codecs/cluster/internal/cluster_payload.h"
 #include "codecs/cluster/internal/explicit_arcs.h"
 #include "codecs/cluster/internal/lattice.h"
@@ -57,6 +58,8 @@ class ClusterDecoder {
   Status DecodeHead(ByteReader head, uint32_t node_limit, size_t payload_bytes);
   Status DecodeGeneration();
   Status DecodeTopology(uint32_t generation_end);
+  Status DecodeOtherFans(RansDecoder<2>& coder, uint32_t anchor, uint32_t node,
+                         const Patch::Hole& first_hole, uint32_t& ring_end, uint32_t& hole_end);
   Status DecodeLattice(uint32_t generation_end);
   void KnowNode(const Patch::Hole& hole, bool boundary, uint32_t node);
   void DecodeVertices(std::span<Vertex> vertices, uint32_t first);
@@ -66,6 +69,7 @@ class ClusterDecoder {
 
   bool scaled_by_error() const { return (flags_ & kFlagScaledByError) != 0; }
   bool flat() const { return (flags_ & kFlagFlat) != 0; }
+  bool has_fans() const { return (flags_ & kFlagFans) != 0; }
 
   AttributeCoder attribute_coder_;
   std::vector<Vec3i> ring_positions_;
@@ -96,6 +100,9 @@ Status ClusterDecoder::DecodeHead(ByteReader head, uint32_t node_limit, size_t p
   const uint64_t child_count = head.GetVarint();
   if (head.failed() || child_count > head.remaining()) return Corrupted("head: cut short");
   if ((flags_ & kFlagLattice) && !flat()) return Corrupted("head: a lattice, but no height field");
+  if (has_fans() && (flat() || !(flags_ & kFlagBoundary))) {
+    return Corrupted("head: nodes of several fans where none can be");
+  }
   if (flags_ & ~kKnownFlags) return Corrupted("head: unknown flags " + std::to_string(flags_));
   if (reference_length_ > kMaxExponent) {
     return Corrupted("head: reference length " + std::to_string(reference_length_) +
@@ -174,8 +181,19 @@ Status ClusterDecoder::DecodeTopology(uint32_t generation_end) {
     }
     // Here, where the processor waits for bits that are hard to guess, arithmetic costs least.
     KnowNode(hole, boundary, i);
-    c.ring_begin[i + 1] = ring_begin += hole.ring_count;
-    c.hole_begin[i + 1] = hole_begin += hole.slot_count;
+    ring_begin += hole.ring_count;
+    hole_begin += hole.slot_count;
+    if (flags_ & kFlagFans) [[unlikely]] {
+      c.fans[i] = boundary ? 1 : 0;
+      patch.NoteCreases(hole, boundary);
+      if (boundary && hole.open_edge(hole.ring_count - 1)) {
+        RansDecoder<2> copy = coder;
+        MTDB_RETURN_IF_ERROR(DecodeOtherFans(copy, slot, i, hole, ring_begin, hole_begin));
+        coder = copy;
+      }
+    }
+    c.ring_begin[i + 1] = ring_begin;
+    c.hole_begin[i + 1] = hole_begin;
     c.star_begin[i + 1] = patch.slots();
     ++i;
   }
@@ -185,7 +203,58 @@ Status ClusterDecoder::DecodeTopology(uint32_t generation_end) {
   return Status::Ok();
 }
 
-// Likewise, and where their vertices lie on the lattice.
+// The holes of a node that begin at the other triangles of the edge which its vertex splits.
+Status ClusterDecoder::DecodeOtherFans(RansDecoder<2>& coder, uint32_t anchor, uint32_t node,
+                                       const Patch::Hole& first_hole, uint32_t& ring_end,
+                                       uint32_t& hole_end) {
+  Patch& patch = *patch_;
+  Cluster& c = cluster_;
+  const uint32_t a = first_hole.ring[first_hole.ring_count - 1];
+  const uint32_t b = first_hole.ring[0];
+  const std::span<const uint32_t> found = patch.FindCrease(a, b);
+  if (found.empty()) return Status::Ok();
+  if (found.size() >= kMostFans || found.back() >> 2 >= anchor) {
+    return Corrupted("node " + std::to_string(node) + " has too many fans, or newer ones");
+  }
+  const std::vector<uint32_t> faces(found.begin(), found.end());
+  c.fans[node] = static_cast<uint8_t>(1 + faces.size());
+  const uint32_t ring_begin = ring_end - first_hole.ring_count;
+  uint32_t corners = first_hole.ring_count;
+  patch.AllowInNextRing(first_hole);
+  uint32_t ring_room[kHoleEntries];
+  for (const uint32_t face : faces) {
+    MakeRoom(c.ring_vertices, ring_end);
+    MakeRoom(c.hole_slots, hole_end);
+    Patch::Hole hole{c.hole_slots.data() + hole_end, ring_room};
+    if (patch.remover(face >> 2) != kNone32 ||
+        !patch.WalkHole(face >> 2, anchor, node, hole,
+                        [&](bool possible, uint32_t count, uint32_t, uint32_t shape) {
+                          return models_.topology.CodeTakeIf(coder.lane<1>(), possible, count,
+                                                             shape, false);
+                        })) {
+      return Corrupted("hole of node " + std::to_string(node) + " is too large, or no disc");
+    }
+    c.later_fans.push_back(patch.slots() - hole.ring_count);
+    const uint32_t split = hole.EdgeBetween(a, b);
+    if (split == kNone32 || !hole.open_edge(split) ||
+        (corners += hole.ring_count) > kMostFanCorners) {
+      return Corrupted("hole of node " + std::to_string(node) + " beyond its edge");
+    }
+    hole.Rotate(split);
+    patch.OpenStar(hole);
+    patch.NoteCreases(hole, true);
+    patch.AllowInNextRing(hole);
+    for (const uint32_t v : hole.ring_span()) {
+      const auto begin = c.ring_vertices.begin() + ring_begin;
+      const auto end = c.ring_vertices.begin() + ring_end;
+      if (std::find(begin, end, v) == end) c.ring_vertices[ring_end++] = v;
+    }
+    hole_end += hole.slot_count;
+  }
+  return Status::Ok();
+}
+
+// As DecodeTopology, and where the vertices lie on the lattice.
 Status ClusterDecoder::DecodeLattice(uint32_t generation_end) {
   Patch& patch = *patch_;
   Cluster& c = cluster_;
@@ -281,7 +350,8 @@ void ClusterDecoder::PlaceVertices(std::span<const Vertex> vertices, uint32_t fi
     const bool known = lattice_.has_value();
     const int32_t u = known ? vertex.residual[0] : Sum(f.ExpectU(), vertex.residual[0]);
     const int32_t v = known ? vertex.residual[1] : Sum(f.ExpectV(u), vertex.residual[1]);
-    const int32_t n = Sum(f.ExpectN(*patch_, cluster_.hole(i++), u, v), vertex.residual[2]);
+    const std::span<const uint32_t> hole = cluster_.hole(i++).first(vertex.hole_size);
+    const int32_t n = Sum(f.ExpectN(*patch_, hole, u, v), vertex.residual[2]);
     int32_t p[3];
     p[f.axis_u()] = u;
     p[f.axis_v()] = v;
@@ -375,6 +445,10 @@ Result<Cluster> ClusterDecoder::Decode(ByteSpan payload, InPatch in, uint32_t no
   c.ring_vertices.resize(6 * n + kHoleEntries);
   c.hole_slots.resize(4 * n + kHoleEntries);
   patch_.emplace(c.in.triangles, c.in.positions, reference_length_, n, flat());
+  if (has_fans()) {
+    c.fans.resize(n);
+    patch_->IndexCreases();
+  }
   if (flags_ & kFlagLattice) {
     lattice_ = Lattice::Make(*patch_, c.in.positions, n, (flags_ & kFlagBoundary) != 0);
     if (!lattice_ || lattice_->exhausted()) {
@@ -392,6 +466,12 @@ Result<Cluster> ClusterDecoder::Decode(ByteSpan payload, InPatch in, uint32_t no
   if (!attribute_stream_.Done()) return Corrupted("attributes: do not end where they should");
   for (uint32_t s = 0; s < c.in_triangles(); ++s) {
     if (patch_->remover(s) == kNone32) return Corrupted("in-triangle that no node removes");
+  }
+  if (has_fans()) {
+    for (uint32_t s = c.listed(); s < patch_->slots(); ++s) {
+      c.created_corners.push_back(patch_->triangle(s).corners);
+    }
+    for (uint32_t i = 0; i <= n; ++i) c.vertex_begin.push_back(c.external_vertices() + i);
   }
   MTDB_RETURN_IF_ERROR(DecodeArcs(streams));
   return std::move(cluster_);

@@ -26,15 +26,17 @@ struct ClusterUpdates {
     uint32_t child_slot = 0;
     bool explicit_arc = false;
   };
-  // Inserts one vertex.
+  // Inserts one vertex, in one hole, or in several that share an edge.
   struct Node {
     uint32_t vertex = 0;  // local
     uint8_t error_code = 0;
     uint32_t hole_begin = 0, hole_count = 0;  // ranges in `holes`
     uint32_t star_begin = 0, star_count = 0;  // ranges in `stars`
-    // True when the vertex splits an edge of the hole, on the surface's border: one triangle more
-    // instead of two.
-    bool boundary() const { return star_count == hole_count + 1; }
+    // How many triangles are at the edge that the vertex splits, one in each hole, when they are
+    // more than one.
+    uint32_t fans = 0;
+    // True when the vertex splits an edge of its holes: one triangle more in each instead of two.
+    bool boundary() const { return fans > 1 || star_count == hole_count + 1; }
   };
   // Of a terrain: shapes are seen along z, and errors are heights.
   bool is_height_field = false;

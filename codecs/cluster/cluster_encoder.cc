@@ -136,6 +136,8 @@ class Replay {
               updates.is_height_field),
         any_boundary(std::any_of(updates.nodes.begin(), updates.nodes.end(),
                                  [](const auto& node) { return node.boundary(); })),
+        any_fans(std::any_of(updates.nodes.begin(), updates.nodes.end(),
+                             [](const auto& node) { return node.fans > 1; })),
         updates_(updates),
         owners_(owners),
         attribute_coder_(attributes),
@@ -146,6 +148,7 @@ class Replay {
     codes.reserve(updates.nodes.size());
     rows_.reserve(updates.rows.size());
     for (const VertexIndex v : in.vertices) NumberVertex(static_cast<uint32_t>(v));
+    if (any_fans) patch.IndexCreases();
     if (try_lattice) {
       lattice = Lattice::Make(patch, in.positions, updates.nodes.size(), any_boundary);
       if (lattice) patch.LeaveOutShapes();
@@ -163,11 +166,14 @@ class Replay {
   RansEncoder topology;
   RansEncoder attribute_stream;
   Patch patch;
-  const bool any_boundary;
+  const bool any_boundary, any_fans;
   std::optional<Lattice> lattice;
 
  private:
   bool Insert(uint32_t slot, uint32_t i);
+  void WalkHole(uint32_t first, uint32_t anchor, uint32_t i, Patch::Hole& hole);
+  void PutStar(const Patch::Hole& hole, bool open);
+  void InsertOtherFans(uint32_t anchor, uint32_t i, const Patch::Hole& first_hole);
   bool CodeTake(uint32_t count, uint32_t slot, uint32_t shape, bool take);
   bool CodeVertex(uint32_t slot, const Patch::Hole& hole, Vec3i p, uint32_t split);
   uint32_t MatchStar(uint32_t i, const Patch::Hole& hole);
@@ -185,7 +191,8 @@ class Replay {
   Bytes rows_;
   std::vector<Vec3i> positions_;
   // Of the node that is inserted.
-  std::array<uint32_t, kMaxRing> star_;  // by ring edge
+  std::array<uint32_t, kMaxRing> star_;  // by ring edge of one hole
+  std::vector<uint32_t> ring_;           // of all holes
   std::vector<Vec3i> ring_positions_;
 };
 
@@ -234,20 +241,25 @@ bool Replay::CodeVertex(uint32_t slot, const Patch::Hole& hole, Vec3i p, uint32_
   return !any_boundary || lattice->SplitEdge(hole, vertex) == split;
 }
 
+void Replay::WalkHole(uint32_t first, uint32_t anchor, uint32_t i, Patch::Hole& hole) {
+  const bool walked =
+      patch.WalkHole(first, anchor, static_cast<uint32_t>(codes.size()), hole,
+                     [&](bool possible, uint32_t count, uint32_t other, uint32_t shape) {
+                       if (!possible) return false;
+                       const bool take = owners_.removers[slot_triangle[other]] == i;
+                       return CodeTake(count, other, shape, take);
+                     });
+  MTDB_CHECK(walked, "a hole is not a disc");
+}
+
 // Inserts node `i`, whose anchor is visited.
 bool Replay::Insert(uint32_t slot, uint32_t i) {
   const ClusterUpdates::Node& node = updates_.nodes[i];
   uint32_t hole_slots[kHoleEntries];
   uint32_t ring_vertices[kHoleEntries];
   Patch::Hole hole{hole_slots, ring_vertices};
-  const auto stored = static_cast<uint32_t>(codes.size());
-  const bool walked = patch.WalkHole(
-      slot, stored, hole, [&](bool possible, uint32_t count, uint32_t other, uint32_t shape) {
-        if (!possible) return false;
-        const bool take = owners_.removers[slot_triangle[other]] == i;
-        return CodeTake(count, other, shape, take);
-      });
-  MTDB_CHECK(walked && hole.slot_count == node.hole_count, "a hole is not a disc");
+  WalkHole(slot, slot, i, hole);
+  MTDB_CHECK(hole.slot_count == node.hole_count || node.fans > 1, "a hole is not a disc");
   const uint32_t split = MatchStar(i, hole);
   const Vec3i p = updates_.positions[node.vertex];
   if (lattice) {
@@ -260,15 +272,52 @@ bool Replay::Insert(uint32_t slot, uint32_t i) {
     hole.Rotate(split);
     patch.OpenStar(hole);
   }
+  PutStar(hole, split != kNone32);
+  residuals.push_back(MeasureVertex(patch, hole, node.boundary(), updates_.is_height_field, p));
+  ring_.assign(hole.ring_span().begin(), hole.ring_span().end());
+  if (node.fans > 1) InsertOtherFans(slot, i, hole);
   if (lattice) lattice->AddVertex(patch, lattice->ToLattice(p));
-  slot_triangle.insert(slot_triangle.end(), star_.begin(), star_.begin() + node.star_count);
   node_order.push_back(i);
   codes.push_back(node.error_code);
-  residuals.push_back(MeasureVertex(patch, hole, node.boundary(), updates_.is_height_field, p));
-  if (attribute_coder_.row_bytes() != 0) EncodeRow(node.vertex, hole.ring_span());
+  if (attribute_coder_.row_bytes() != 0) EncodeRow(node.vertex, ring_);
   NumberVertex(node.vertex);
   patch.AddPoint(p);
   return true;
+}
+
+// The star that fills the hole is in the patch.
+void Replay::PutStar(const Patch::Hole& hole, bool open) {
+  slot_triangle.insert(slot_triangle.end(), star_.begin(),
+                       star_.begin() + hole.ring_count - (open ? 1 : 0));
+  if (any_fans) patch.NoteCreases(hole, open);
+}
+
+// Adds the vertices of their rings to ring_.
+void Replay::InsertOtherFans(uint32_t anchor, uint32_t i, const Patch::Hole& first_hole) {
+  const ClusterUpdates::Node& node = updates_.nodes[i];
+  const uint32_t a = first_hole.ring[first_hole.ring_count - 1];
+  const uint32_t b = first_hole.ring[0];
+  const std::span<const uint32_t> found = patch.FindCrease(a, b);
+  const std::vector<uint32_t> faces(found.begin(), found.end());
+  MTDB_CHECK(faces.size() + 1 == node.fans, "triangles at a crease that its node does not know");
+  patch.AllowInNextRing(first_hole);
+  uint32_t hole_slots[kHoleEntries];
+  uint32_t ring_vertices[kHoleEntries];
+  for (const uint32_t face : faces) {
+    MTDB_CHECK(face >> 2 < anchor, "a hole behind its anchor");
+    Patch::Hole hole{hole_slots, ring_vertices};
+    WalkHole(face >> 2, anchor, i, hole);
+    const uint32_t split = MatchStar(i, hole);
+    MTDB_CHECK(split == hole.EdgeBetween(a, b), "a fan beyond the edge that is split");
+    std::rotate(star_.begin(), star_.begin() + split + 1, star_.begin() + hole.ring_count);
+    hole.Rotate(split);
+    patch.OpenStar(hole);
+    PutStar(hole, true);
+    patch.AllowInNextRing(hole);
+    for (const uint32_t v : hole.ring_span()) {
+      if (std::find(ring_.begin(), ring_.end(), v) == ring_.end()) ring_.push_back(v);
+    }
+  }
 }
 
 // Sets star_[j] to the star triangle beyond ring edge j. Returns the edge that has none, the one
@@ -277,6 +326,7 @@ uint32_t Replay::MatchStar(uint32_t i, const Patch::Hole& hole) {
   const ClusterUpdates::Node& node = updates_.nodes[i];
   const std::span<const uint32_t> ring = hole.ring_span();
   std::fill_n(star_.begin(), ring.size(), kNone32);
+  uint32_t matched = 0;
   for (const uint32_t t : updates_.star(i)) {
     const auto& corners = updates_.triangles[t];
     const auto apex = std::find(corners.begin(), corners.end(), node.vertex) - corners.begin();
@@ -284,12 +334,14 @@ uint32_t Replay::MatchStar(uint32_t i, const Patch::Hole& hole) {
     const uint32_t from = stored_vertex_[corners[static_cast<size_t>(apex + 1) % 3]];
     const uint32_t to = stored_vertex_[corners[static_cast<size_t>(apex + 2) % 3]];
     const auto j = static_cast<size_t>(std::find(ring.begin(), ring.end(), from) - ring.begin());
-    MTDB_CHECK(
-        j < ring.size() && ring[j + 1 == ring.size() ? 0 : j + 1] == to && star_[j] == kNone32,
-        "the star does not fit its hole");
+    const bool fits =
+        j < ring.size() && ring[j + 1 == ring.size() ? 0 : j + 1] == to && star_[j] == kNone32;
+    MTDB_CHECK(fits || node.fans > 1, "the star does not fit its hole");
+    if (!fits) continue;  // it is of another hole
     star_[j] = t;
+    ++matched;
   }
-  MTDB_CHECK(node.star_count + node.boundary() == ring.size(),
+  MTDB_CHECK(matched + node.boundary() == ring.size(),
              "a node's star leaves no ring edge out, or the one that its vertex splits");
   if (!node.boundary()) return kNone32;
   return static_cast<uint32_t>(std::find(star_.begin(), star_.end(), kNone32) - star_.begin());
@@ -427,7 +479,8 @@ EncodedCluster internal::EncodeCluster(const ClusterUpdates& updates,
   ByteWriter& head = streams.stream(StreamTag::kHead);
   head.Put<uint8_t>(static_cast<uint8_t>(
       (replay.any_boundary ? kFlagBoundary : 0) | (scaled_by_error ? kFlagScaledByError : 0) |
-      (updates.is_height_field ? kFlagFlat : 0) | (replay.lattice ? kFlagLattice : 0)));
+      (updates.is_height_field ? kFlagFlat : 0) | (replay.lattice ? kFlagLattice : 0) |
+      (replay.any_fans ? kFlagFans : 0)));
   head.Put<uint8_t>(static_cast<uint8_t>(reference_length));
   head.PutVarint(node_count);
   head.PutVarint(child_count);
@@ -466,6 +519,7 @@ ClusterUpdates UpdatesOf(const Cluster& cluster, bool is_height_field) {
     updates.holes.insert(updates.holes.end(), shape.removed.begin(), shape.removed.end());
     node.star_begin = static_cast<uint32_t>(updates.stars.size());
     node.star_count = static_cast<uint32_t>(shape.created.size());
+    if (!cluster.fans.empty() && cluster.fans[i] > 1) node.fans = cluster.fans[i];
     for (const uint32_t slot : shape.created) {
       updates.stars.push_back(slot);
       updates.triangles.push_back(cluster.created_triangle(i, slot));

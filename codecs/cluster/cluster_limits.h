@@ -10,6 +10,9 @@ namespace mtdb {
 inline constexpr uint32_t kMostSlots = 65535;  // likewise local vertices, and corners of all rings
 inline constexpr uint32_t kMostNodes = 32767;
 inline constexpr uint32_t kMostChildren = 32766;
+// Of a node with several fans: how many, and the corners of all its rings.
+inline constexpr uint32_t kMostFans = 15;
+inline constexpr uint32_t kMostFanCorners = 64;
 // Of tiles that keep below in any case.
 inline constexpr uint32_t kMostTileTriangles = 16384;
 

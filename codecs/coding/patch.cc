@@ -53,6 +53,15 @@ void Patch::Hole::Rotate(size_t split) {
   std::rotate(outer.begin(), outer.begin() + middle, outer.begin() + ring_count);
 }
 
+uint32_t Patch::Hole::EdgeBetween(uint32_t a, uint32_t b) const {
+  for (uint32_t j = 0; j < ring_count; ++j) {
+    const uint32_t from = ring[j];
+    const uint32_t to = ring[j + 1 == ring_count ? 0 : j + 1];
+    if ((from == a && to == b) || (from == b && to == a)) return j;
+  }
+  return kNone32;
+}
+
 Patch::Patch(std::span<const std::array<uint32_t, 3>> triangles, std::span<const Vec3i> positions,
              int reference_length, size_t expected_nodes, bool flat)
     : shortest_(static_cast<uint32_t>(127 + reference_length - 3)),
@@ -158,6 +167,47 @@ void Patch::OpenStar(const Hole& hole) {
   if (const uint32_t o = hole.outer[count]; o != kNone32) {
     triangles[o >> 2].opposite[o & 3] = kNone32;
   }
+}
+
+namespace {
+uint64_t EndsKey(uint32_t a, uint32_t b) { return uint64_t{std::max(a, b)} << 32 | std::min(a, b); }
+}  // namespace
+
+void Patch::NoteCrease(uint32_t half_edge) {
+  const Triangle& t = triangles_[half_edge >> 2];
+  const uint32_t i = half_edge & 3;
+  if (t.opposite[i] != kNone32) return;
+  creases_.emplace(EndsKey(t.corners[i], t.corners[i == 2 ? 0 : i + 1]), half_edge);
+}
+
+void Patch::IndexCreases() {
+  for (uint32_t slot = 0; slot < slots_; ++slot) {
+    for (uint32_t i = 0; i < 3; ++i) NoteCrease(4 * slot + i);
+  }
+}
+
+void Patch::NoteCreases(const Hole& hole, bool boundary) {
+  const uint32_t count = hole.ring_count - (boundary ? 1 : 0);
+  const uint32_t first = slots_ - count;
+  for (uint32_t slot = first; slot < slots_; ++slot) NoteCrease(4 * slot + 1);
+  if (!boundary) return;
+  NoteCrease(4 * first);
+  NoteCrease(4 * (slots_ - 1) + 2);
+  if (const uint32_t o = hole.outer[count]; o != kNone32) NoteCrease(o);
+}
+
+std::span<const uint32_t> Patch::FindCrease(uint32_t a, uint32_t b) {
+  crease_.clear();
+  const auto [begin, end] = creases_.equal_range(EndsKey(a, b));
+  for (auto it = begin; it != end;) {
+    const uint32_t h = it->second;
+    const bool there =
+        removers_[h >> 2] == kNone32 && triangles_[h >> 2].opposite[h & 3] == kNone32;
+    if (there) crease_.push_back(h);
+    it = there ? std::next(it) : creases_.erase(it);
+  }
+  std::sort(crease_.begin(), crease_.end());
+  return crease_;
 }
 
 // Lengths and bluntnesses of the triangles of slots begin .. end - 1; SharpnessClasses become 0.

@@ -9,10 +9,12 @@
 #include <cstdint>
 #include <memory>
 #include <span>
+#include <unordered_map>
 #include <vector>
 
 #include "store/base/float4.h"
 #include "store/base/geometry.h"
+#include "store/base/hash.h"
 #include "store/base/ids.h"
 
 namespace mtdb {
@@ -68,6 +70,8 @@ class Patch {
       for (uint32_t j = 0; j < ring_count; ++j) open += static_cast<uint32_t>(open_edge(j));
       return open;
     }
+    // The ring edge between two vertices, in either direction; kNone32: there is none.
+    uint32_t EdgeBetween(uint32_t a, uint32_t b) const;
     // Rotates the ring so that edge `split` becomes the last one.
     void Rotate(size_t split);
   };
@@ -102,6 +106,12 @@ class Patch {
   // exceed kMaxRing, the hole runs into itself or a vertex occurs twice in the ring.
   template <typename Take>
   [[gnu::always_inline]] bool WalkHole(uint32_t anchor, uint32_t node, Hole& hole, Take&& take) {
+    return WalkHole(anchor, anchor, node, hole, take);
+  }
+  // Likewise another hole of the same node, from the triangle `first` on.
+  template <typename Take>
+  [[gnu::always_inline]] bool WalkHole(uint32_t first, uint32_t anchor, uint32_t node, Hole& hole,
+                                       Take&& take) {
     if (slots_ + kMaxRing > removers_.size()) [[unlikely]] {
       Grow(removers_.size() + removers_.size() / 2 + kMaxRing);
     }
@@ -109,8 +119,8 @@ class Patch {
     uint32_t depth = 2;
     uint32_t holes = 1;
     uint32_t rings = 0;
-    stack[0] = 4 * anchor + 2;
-    stack[1] = 4 * anchor + 1;
+    stack[0] = 4 * first + 2;
+    stack[1] = 4 * first + 1;
     Triangle* const triangles = triangles_.get();
     uint32_t* const removers = removers_.data();
     uint32_t* const last_apex = last_apex_.data();
@@ -119,10 +129,10 @@ class Patch {
     uint32_t unused;
     uint32_t* end_of_edge = &unused;
     uint32_t star = 4 * slots_;
-    hole.slots[0] = anchor;
-    removers[anchor] = node;
-    uint32_t least_code = triangles[anchor].error_code;
-    uint32_t h = 4 * anchor;
+    hole.slots[0] = first;
+    removers[first] = node;
+    uint32_t least_code = triangles[first].error_code;
+    uint32_t h = 4 * first;
     for (;;) {
       const Triangle& t = triangles[h >> 2];
       const uint32_t o = t.opposite[h & 3];
@@ -164,6 +174,19 @@ class Patch {
   // was rotated, ends: it has one triangle less.
   void OpenStar(const Hole& hole);
 
+  // Of clusters with nodes of several fans: keeps track of the edges where triangles have no
+  // opposite.
+  void IndexCreases();
+  // The node's star, of the hole that was just walked, is there; `boundary`: it is open.
+  void NoteCreases(const Hole& hole, bool boundary);
+  // The half-edges without an opposite between two vertices, of triangles that are there, in
+  // ascending order: those of the other holes of a node, when the first one has been walked.
+  std::span<const uint32_t> FindCrease(uint32_t a, uint32_t b);
+  // Vertices of the ring of a node's hole may be in the rings of its other holes, too.
+  void AllowInNextRing(const Hole& hole) {
+    for (const uint32_t v : hole.ring_span()) last_apex_[v] = kNone32;
+  }
+
   // Gives the triangles that the nodes of the visited generation made their shapes and error codes.
   // Their corners must have points; `codes`: of all nodes so far.
   void EndGeneration(std::span<const uint8_t> codes);
@@ -182,6 +205,7 @@ class Patch {
     t.opposite = {h - 2, outer, h + 4};
     if (outer != kNone32) triangles[outer >> 2].opposite[outer & 3] = h + 1;
   }
+  void NoteCrease(uint32_t half_edge);
   void PairEdges();
   void Grow(size_t slots);
   void Measure(uint32_t begin, uint32_t end);
@@ -196,6 +220,12 @@ class Patch {
   uint32_t shortest_;                // the exponent of length class 0, as a float has it
   uint32_t first_apex_;              // the vertex of node 0
   float height_ = 1;                 // what differences of z count: 0 when flat
+  // Half-edges that had no opposite, by their ends; some of them are gone.
+  struct HashOfEnds {
+    size_t operator()(uint64_t ends) const { return Mix64(ends); }
+  };
+  std::unordered_multimap<uint64_t, uint32_t, HashOfEnds> creases_;
+  std::vector<uint32_t> crease_;  // the one that was found
 };
 
 }  // namespace mtdb

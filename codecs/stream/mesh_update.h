@@ -4,6 +4,7 @@
 // do not travel.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <functional>
@@ -35,12 +36,14 @@ struct BaseMesh {
 // Updates that do not depend on each other: all insertions, or all removals. A node's insertion
 // replaces its hole by its star; its removal does the reverse. Star triangle j of a node is
 // (vertex, ring[j], ring[j+1]); the ring of a boundary node is open, its star has one triangle
-// less, and its hole the edge from the last ring vertex to the first.
+// less, and its hole the edge from the last ring vertex to the first. A vertex with several holes
+// has a node for each of them, one after the other: these are one update.
 struct UpdateBatch {
   struct Node {
     VertexIndex vertex = 0;
     Vec3i position;
     bool boundary = false;
+    bool twin = false;                        // another hole of the vertex that the node before has
     TriangleKey first_star = 0;               // star triangle j has the key first_star + j
     uint32_t ring_begin = 0, ring_count = 0;  // in `ring`
     uint32_t hole_begin = 0;                  // in `holes`; ring_count - 2 of them
@@ -55,6 +58,14 @@ struct UpdateBatch {
   std::vector<HoleTriangle> holes;
   Bytes rows;  // attributes of the nodes' vertices
 
+  // The nodes that are one update with node i, the first of them: i .. EndOfUpdate(i) - 1.
+  size_t EndOfUpdate(size_t i) const {
+    for (++i; i < nodes.size() && nodes[i].twin;) ++i;
+    return i;
+  }
+  uint64_t updates() const {
+    return static_cast<uint64_t>(std::ranges::count(nodes, false, &Node::twin));
+  }
   std::span<const VertexIndex> ring_of(const Node& node) const {
     return std::span(ring).subspan(node.ring_begin, node.ring_count);
   }

@@ -6,6 +6,7 @@
 #include <utility>
 #include <vector>
 
+#include "codecs/cluster/cluster_limits.h"
 #include "codecs/stream/internal/clip_coder.h"
 #include "codecs/stream/internal/delaunay_coder.h"
 #include "codecs/stream/internal/update_coder.h"
@@ -47,6 +48,8 @@ class UpdateDecoder::Impl {
   Status DecodeRemoval(Coder& coder, uint32_t vertex);
   Status DecodeInsertion(Coder& coder, uint32_t anchor);
   Status DecodeListed(Coder& coder, bool insert);
+  Status DecodeLists(Coder& coder, bool insert, UpdateHole& update) const;
+  Status CheckListed(bool insert, uint32_t vertex, UpdateHole& update) const;
   // By the Delaunay rule.
   Status DecodeRuled(Coder& coder);
   Status DecodeNamed(Coder& coder);
@@ -61,7 +64,7 @@ class UpdateDecoder::Impl {
   bool HasRoomForVertex() const {
     return mesh_.vertex_count() + mesh_.remembered().size() < limits_.vertices;
   }
-  Status FinishInsertion(const UpdateHole& update, uint32_t remembered, Vec3i position);
+  Status TakeVertex(uint64_t more, Vec3i position, uint32_t& vertex);
   Status FinishRemoval(Coder& coder, const UpdateHole& update, uint32_t vertex);
   // Whether the triangles are bounded by just these edges, which it sorts.
   bool BoundedBy(std::span<const uint32_t> slots,
@@ -82,8 +85,9 @@ class UpdateDecoder::Impl {
   NearPlaces near_places_;
   UpdateModels models_{{}};
   Bytes row_;
-  std::vector<Vec3i> ring_;  // positions around the vertex at hand
-  UpdateHole update_;        // the one at hand
+  std::vector<Vec3i> ring_;                   // positions around the vertex at hand
+  UpdateHole update_;                         // the one at hand
+  std::array<UpdateHole, kMostFans> listed_;  // the holes of one that lists them
   FreshTriangles fresh_;
   FreshTriangles next_fresh_;
   std::vector<uint32_t> slots_;
@@ -323,18 +327,21 @@ Status UpdateDecoder::Impl::DecodeInsertion(Coder& coder, uint32_t anchor) {
     }
   }
   if (coder.overrun()) return Corrupted("record cut short");
-  return FinishInsertion(update, remembered, position);
+  uint32_t vertex = remembered;
+  MTDB_RETURN_IF_ERROR(TakeVertex(2, position, vertex));
+  InsertStar(mesh_, models_, update, vertex, &next_fresh_.slots());
+  return Status::Ok();
 }
 
-Status UpdateDecoder::Impl::FinishInsertion(const UpdateHole& update, uint32_t remembered,
-                                            Vec3i position) {
-  if (uint64_t{mesh_.triangle_count()} + 2 > limits_.triangles || !HasRoomForVertex()) {
+// Puts the vertex that is inserted into the mesh, where it makes so many triangles more; `vertex`:
+// the one that is remembered, or kNone32.
+Status UpdateDecoder::Impl::TakeVertex(uint64_t more, Vec3i position, uint32_t& vertex) {
+  if (mesh_.triangle_count() + more > limits_.triangles || !HasRoomForVertex()) {
     return Corrupted("the mesh exceeds this client's limit");
   }
   if (mesh_.options().delaunay && !IsPlace(position)) {
     return Corrupted("a vertex beyond the lattice");
   }
-  uint32_t vertex = remembered;
   if (vertex == kNone32) {
     cost_.AddVertex();
     if (!MayGoOn()) return TooCostly();
@@ -342,7 +349,6 @@ Status UpdateDecoder::Impl::FinishInsertion(const UpdateHole& update, uint32_t r
   } else {
     mesh_.Recall(vertex);
   }
-  InsertStar(mesh_, models_, update, vertex, &next_fresh_.slots());
   return Status::Ok();
 }
 
@@ -352,7 +358,9 @@ Status UpdateDecoder::Impl::DecodeRemoval(Coder& coder, uint32_t vertex) {
   if (!WalkStar(mesh_, vertex, update)) {
     return Corrupted("removal of a vertex whose triangles are no fan");
   }
-  return FinishRemoval(coder, update, vertex);
+  MTDB_RETURN_IF_ERROR(FinishRemoval(coder, update, vertex));
+  mesh_.Forget(vertex, FirstOfRing(update));
+  return Status::Ok();
 }
 
 Status UpdateDecoder::Impl::FinishRemoval(Coder& coder, const UpdateHole& update, uint32_t vertex) {
@@ -362,7 +370,6 @@ Status UpdateDecoder::Impl::FinishRemoval(Coder& coder, const UpdateHole& update
   if (coder.overrun()) return Corrupted("record cut short");
   slots_.clear();
   RemoveStar(mesh_, update, vertex, places_, &slots_);
-  mesh_.Forget(vertex, update.boundary ? ring[0] : kNone32);
   return Status::Ok();
 }
 
@@ -386,17 +393,15 @@ bool UpdateDecoder::Impl::BoundedBy(std::span<const uint32_t> slots,
   return open == edges;
 }
 
-Status UpdateDecoder::Impl::DecodeListed(Coder& coder, bool insert) {
-  UpdateHole& update = update_;
+// The ring and the triangles of one hole, which are there; update.boundary is set.
+Status UpdateDecoder::Impl::DecodeLists(Coder& coder, bool insert, UpdateHole& update) const {
   Patch::Hole& hole = update.hole;
   update.listed = true;
-  update.boundary = coder.Raw(1) != 0;
   hole.ring_count = coder.Raw(6);
   if (hole.ring_count < 3 || hole.ring_count > kMaxRing) return Corrupted("listed ring");
   hole.slot_count = insert ? hole.ring_count - 2 : hole.ring_count - (update.boundary ? 1 : 0);
   for (uint32_t i = 0; i < hole.ring_count; ++i) hole.ring[i] = coder.Raw(32);
   for (uint32_t i = 0; i < hole.slot_count; ++i) hole.slots[i] = coder.Raw(32);
-  const uint32_t vertex = coder.Raw(32);
   if (coder.overrun()) return Corrupted("record cut short");
   const auto distinct = [](std::span<const uint32_t> numbers) {
     std::vector<uint32_t> sorted(numbers.begin(), numbers.end());
@@ -406,7 +411,12 @@ Status UpdateDecoder::Impl::DecodeListed(Coder& coder, bool insert) {
   bool right = distinct(hole.ring_span()) && distinct(hole.slot_span());
   for (const uint32_t v : hole.ring_span()) right &= mesh_.has_vertex(v);
   for (const uint32_t slot : hole.slot_span()) right &= mesh_.has_triangle(slot);
-  if (!right) return Corrupted("listed update of what is not there");
+  return right ? Status::Ok() : Corrupted("listed update of what is not there");
+}
+
+// That the triangles are a hole with that ring, or a star of the vertex.
+Status UpdateDecoder::Impl::CheckListed(bool insert, uint32_t vertex, UpdateHole& update) const {
+  const Patch::Hole& hole = update.hole;
   std::vector<std::pair<uint32_t, uint32_t>> edges;
   for (uint32_t j = 0; j + 1 < hole.ring_count; ++j) {
     edges.emplace_back(hole.ring[j], hole.ring[j + 1]);
@@ -420,17 +430,40 @@ Status UpdateDecoder::Impl::DecodeListed(Coder& coder, bool insert) {
     edges.emplace_back(last, vertex);
   }
   if (!BoundedBy(hole.slot_span(), edges)) return Corrupted("listed ring is not the hole's");
+  if (insert) return Status::Ok();
+  if (Has(hole.ring_span(), vertex)) return Corrupted("listed removal of what is no vertex");
+  for (const uint32_t slot : hole.slot_span()) {
+    if (!Has(mesh_.triangle(slot).corners, vertex)) return Corrupted("listed star");
+  }
+  return Status::Ok();
+}
+
+Status UpdateDecoder::Impl::DecodeListed(Coder& coder, bool insert) {
+  const uint32_t fans = coder.Raw(4);
+  const auto holes = std::span(listed_).first(std::max(fans, 1u));
+  cost_.AddUpdates(holes.size() - 1);
+  std::vector<uint32_t> slots;
+  for (UpdateHole& update : holes) {
+    update.boundary = fans > 0;
+    MTDB_RETURN_IF_ERROR(DecodeLists(coder, insert, update));
+    slots.insert(slots.end(), update.hole.slot_span().begin(), update.hole.slot_span().end());
+  }
+  std::sort(slots.begin(), slots.end());
+  if (std::adjacent_find(slots.begin(), slots.end()) != slots.end()) {
+    return Corrupted("listed holes that overlap");
+  }
+  uint32_t vertex = coder.Raw(32);
+  if (coder.overrun()) return Corrupted("record cut short");
+  if (!insert && (!mesh_.has_vertex(vertex) || mesh_.degree(vertex) != slots.size())) {
+    return Corrupted("listed removal of what is no vertex");
+  }
+  for (UpdateHole& update : holes) MTDB_RETURN_IF_ERROR(CheckListed(insert, vertex, update));
   if (!insert) {
-    const auto ring = hole.ring_span();
-    if (!mesh_.has_vertex(vertex) || mesh_.degree(vertex) != hole.slot_count ||
-        std::find(ring.begin(), ring.end(), vertex) != ring.end()) {
-      return Corrupted("listed removal of what is no vertex");
+    for (const UpdateHole& update : holes) {
+      MTDB_RETURN_IF_ERROR(FinishRemoval(coder, update, vertex));
     }
-    for (const uint32_t slot : hole.slot_span()) {
-      const auto& c = mesh_.triangle(slot).corners;
-      if (std::find(c.begin(), c.end(), vertex) == c.end()) return Corrupted("listed star");
-    }
-    return FinishRemoval(coder, update, vertex);
+    mesh_.Forget(vertex, fans == 1 ? FirstOfRing(holes[0]) : kNone32);
+    return Status::Ok();
   }
   Vec3i position{};
   if (vertex == kNone32) {
@@ -440,7 +473,10 @@ Status UpdateDecoder::Impl::DecodeListed(Coder& coder, bool insert) {
     return Corrupted("no such remembered vertex");
   }
   if (coder.overrun()) return Corrupted("record cut short");
-  MTDB_RETURN_IF_ERROR(FinishInsertion(update, vertex, position));
+  MTDB_RETURN_IF_ERROR(TakeVertex(1 + holes.size(), position, vertex));
+  for (const UpdateHole& update : holes) {
+    InsertStar(mesh_, models_, update, vertex, &next_fresh_.slots());
+  }
   next_fresh_.Clear(mesh_);
   return Status::Ok();
 }

@@ -419,6 +419,12 @@ void CutImpl::ForEachTriangle(const LoadedUnit& unit, std::span<const uint64_t> 
     if (!slots.empty() && BitsAt(slots, slot - first_own, 1) != 0) f(cluster.listed_triangle(slot));
   }
   if (unit.nodes() == 0) return;
+  if (!cluster.created_corners.empty()) {
+    for (uint32_t own = 0; own < unit.own_slots() && !slots.empty(); ++own) {
+      if (BitsAt(slots, own, 1) != 0) f(cluster.created_corners[own]);
+    }
+    return;
+  }
   FindCreators(unit);
   const LocalNumber* const ring_begin = cluster.ring_begin.data();
   const LocalNumber* const star_begin = cluster.star_begin.data();

@@ -77,7 +77,8 @@ size_t CompactCluster::memory_bytes() const {
          VectorBytes(rows) + VectorBytes(error_codes) + VectorBytes(ring_begin) +
          VectorBytes(ring_vertices) + VectorBytes(star_begin) + VectorBytes(hole_begin) +
          VectorBytes(hole_slots) + VectorBytes(removers.codes()) + VectorBytes(children) +
-         VectorBytes(explicit_arcs) + VectorBytes(vertex_begin) + VectorBytes(created_corners);
+         VectorBytes(explicit_arcs) + VectorBytes(vertex_begin) + VectorBytes(created_corners) +
+         VectorBytes(fans) + VectorBytes(later_fans);
 }
 
 Result<CompactCluster> MakeCompact(Cluster cluster, const std::string& where) {
@@ -112,6 +113,8 @@ Result<CompactCluster> MakeCompact(Cluster cluster, const std::string& where) {
   c.explicit_arcs = Tight(std::move(cluster.explicit_arcs));
   c.vertex_begin = std::move(cluster.vertex_begin);
   c.created_corners = std::move(cluster.created_corners);
+  c.fans = std::move(cluster.fans);
+  c.later_fans = std::move(cluster.later_fans);
   return c;
 }
 

@@ -2,6 +2,7 @@
 // CompactCluster: a decoded cluster as the cache keeps it, in half of the memory of a Cluster.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <cstdint>
@@ -103,6 +104,8 @@ struct CompactCluster {
   std::vector<ExplicitArc> explicit_arcs;
   std::vector<uint32_t> vertex_begin;
   std::vector<std::array<uint32_t, 3>> created_corners;
+  std::vector<uint8_t> fans;
+  std::vector<uint32_t> later_fans;
 
   uint32_t nodes() const { return static_cast<uint32_t>(error_codes.size()); }
   uint32_t in_triangles() const { return first_own_slot; }
@@ -115,6 +118,8 @@ struct CompactCluster {
   // Local vertices that the node creates.
   IndexRange created_vertices(NodeIndex i) const { return {first_vertex(i), first_vertex(i + 1)}; }
   bool boundary(NodeIndex i) const {
+    if (!fans.empty()) [[unlikely]]
+      return fans[i] != 0;
     return star_begin[i + 1] - star_begin[i] + 1 == ring_begin[i + 1] - ring_begin[i];
   }
   std::span<const LocalNumber> ring(NodeIndex i) const {
@@ -122,6 +127,20 @@ struct CompactCluster {
   }
   std::span<const LocalNumber> hole(NodeIndex i) const {
     return {hole_slots.data() + hole_begin[i], hole_slots.data() + hole_begin[i + 1]};
+  }
+  // The slots of a node's fans, one after the other: those of a closed star are one.
+  template <typename F>
+  void ForEachFan(NodeIndex i, F&& f) const {
+    const uint32_t end = star_begin[i + 1];
+    uint32_t begin = star_begin[i];
+    if (!fans.empty() && fans[i] > 1) {
+      auto next = std::lower_bound(later_fans.begin(), later_fans.end(), begin);
+      for (; next != later_fans.end() && *next < end; ++next) {
+        f(IndexRange{begin, *next});
+        begin = *next;
+      }
+    }
+    f(IndexRange{begin, end});
   }
   Vec3i position(uint32_t local_vertex) const { return positions[local_vertex]; }
   std::array<uint32_t, 3> listed_triangle(uint32_t slot) const {

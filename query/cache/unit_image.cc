@@ -29,6 +29,8 @@ void ForEachArray(Unit& unit, F&& f) {
   f(cluster.explicit_arcs);
   f(cluster.vertex_begin);
   f(cluster.created_corners);
+  f(cluster.fans);
+  f(cluster.later_fans);
   f(unit.parents);
   f(unit.origins);
   f(unit.by_origin);

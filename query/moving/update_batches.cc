@@ -113,23 +113,50 @@ void UpdateBatches::Reserve(UpdateBatch& batch) const {
 void UpdateBatches::AddNode(const LoadedUnit& unit, NodeIndex node,
                             std::span<const NodeIndex> creators, UpdateBatch& batch) const {
   const CompactCluster& c = unit.cluster;
+  if (c.fans.empty() || c.fans[node] < 2) {
+    AddHole(unit, node, {c.star_begin[node], c.star_begin[node + 1]}, c.ring(node), c.hole(node),
+            creators, batch);
+    return;
+  }
+  const size_t first = batch.nodes.size();
+  size_t done = 0;  // of the hole's triangles
+  std::vector<LocalNumber> ring;
+  c.ForEachFan(node, [&](IndexRange star) {
+    ring.clear();
+    for (const uint32_t slot : star) {
+      const std::array<uint32_t, 3> corners = c.created_triangle(node, slot);
+      if (ring.empty()) ring.push_back(static_cast<LocalNumber>(corners[1]));
+      ring.push_back(static_cast<LocalNumber>(corners[2]));
+    }
+    const size_t count = ring.size() - 2;
+    const bool twin = batch.nodes.size() > first;
+    AddHole(unit, node, star, ring, c.hole(node).subspan(done, count),
+            creators.subspan(done, count), batch);
+    batch.nodes.back().twin = twin;
+    done += count;
+  });
+}
+
+// `star`: the slots of one fan of the node, around the hole of these slots.
+void UpdateBatches::AddHole(const LoadedUnit& unit, NodeIndex node, IndexRange star,
+                            std::span<const LocalNumber> ring, std::span<const LocalNumber> hole,
+                            std::span<const NodeIndex> creators, UpdateBatch& batch) const {
+  const CompactCluster& c = unit.cluster;
   const uint32_t external = c.external_vertices();
   const VertexIndex first_vertex = index_.first_vertex(unit.id);
   const uint32_t local = external + node;
   UpdateBatch::Node& out = batch.nodes.emplace_back();
   out.vertex = first_vertex + node;
   out.position = c.position(local);
-  out.boundary = c.boundary(node);
-  out.first_star = TriangleKeyOf(unit.id, c.star_begin[node]);
+  out.boundary = star.size() < ring.size();
+  out.first_star = TriangleKeyOf(unit.id, star.front());
   out.ring_begin = static_cast<uint32_t>(batch.ring.size());
-  const std::span<const LocalNumber> ring = c.ring(node);
   out.ring_count = static_cast<uint32_t>(ring.size());
   batch.ring.resize(batch.ring.size() + ring.size());
   std::transform(ring.begin(), ring.end(), batch.ring.begin() + out.ring_begin, [&](uint32_t v) {
     return v < external ? c.vertices[v] : first_vertex + (v - external);
   });
   out.hole_begin = static_cast<uint32_t>(batch.holes.size());
-  const std::span<const LocalNumber> hole = c.hole(node);
   batch.holes.resize(batch.holes.size() + hole.size());
   for (size_t h = 0; h < hole.size(); ++h) {
     const uint32_t slot = hole[h];

@@ -58,6 +58,9 @@ class UpdateBatches {
   // `creators` of the hole's triangles that the unit creates.
   void AddNode(const LoadedUnit& unit, NodeIndex node, std::span<const NodeIndex> creators,
                UpdateBatch& batch) const;
+  void AddHole(const LoadedUnit& unit, NodeIndex node, IndexRange star,
+               std::span<const LocalNumber> ring, std::span<const LocalNumber> hole,
+               std::span<const NodeIndex> creators, UpdateBatch& batch) const;
   // Room for the nodes of a batch, of usual rings.
   void Reserve(UpdateBatch& batch) const;
 

@@ -2,6 +2,8 @@
 #include "tests/builder/input_oracle.h"
 
 #include <algorithm>
+#include <iterator>
+#include <optional>
 
 namespace mtdb::testing {
 
@@ -38,6 +40,61 @@ InputOracle::InputOracle(const std::vector<TriangleVertices>& input, uint64_t ve
     if (Fans(v) > 1) fixed.insert(v);
   }
   report.nonmanifold_vertices = fixed.size();
+  FindChains();
+}
+
+// Takes the vertices on chains out of those that stay.
+void InputOracle::FindChains() {
+  for (auto v = fixed.begin(); v != fixed.end();) {
+    const std::optional<uint32_t> order = ChainOrder(*v);
+    if (!order) {
+      ++v;
+      continue;
+    }
+    chains[*v] = *order;
+    v = fixed.erase(v);
+  }
+}
+
+// Of a vertex with exactly two creases, of one order up to 15, which are the ends of all of its
+// fans.
+std::optional<uint32_t> InputOracle::ChainOrder(VertexIndex v) const {
+  std::map<VertexIndex, size_t> creases;  // other end -> order
+  for (const size_t t : at.at(v)) {
+    for (const VertexIndex w : kept[t]) {
+      if (w != v && OrderOf(Between(v, w)) != 0) creases[w] = OrderOf(Between(v, w));
+    }
+  }
+  if (creases.size() != 2) return std::nullopt;
+  const size_t order = creases.begin()->second;
+  if (order < 2 || order > kMostOrder || creases.rbegin()->second != order) return std::nullopt;
+  const std::vector<size_t> group = FanGroups(v);
+  std::map<size_t, std::set<VertexIndex>> ends;
+  for (size_t i = 0; i < group.size(); ++i) {
+    ends[group[i]];
+    for (const VertexIndex w : kept[at.at(v)[i]]) {
+      if (creases.contains(w)) ends[group[i]].insert(w);
+    }
+  }
+  for (const auto& [fan, crease_ends] : ends) {
+    if (crease_ends.size() != 2) return std::nullopt;
+  }
+  return static_cast<uint32_t>(order);
+}
+
+// Of the numbers that a chain's vertex has, one for each fan, behind the input's.
+uint32_t InputOracle::FirstNumber(VertexIndex v) const {
+  uint64_t number = report.vertices;
+  for (const auto& [other, fans] : chains) {
+    if (other < v) number += fans;
+  }
+  return static_cast<uint32_t>(number);
+}
+
+// 0: two triangles that run opposite ways.
+size_t InputOracle::OrderOf(const Edge& edge) const {
+  const std::vector<int>& u = uses.at(edge);
+  return u.size() == 2 && u[0] != u[1] ? 0 : u.size();
 }
 
 bool InputOracle::IsManifold(const Edge& edge) const {
@@ -51,8 +108,13 @@ uint64_t InputOracle::BorderEdges() const {
   return count;
 }
 
-// Groups of triangles at v that are joined by manifold edges at v.
 size_t InputOracle::Fans(VertexIndex v) const {
+  const std::vector<size_t> group = FanGroups(v);
+  return std::set<size_t>(group.begin(), group.end()).size();
+}
+
+// Groups of triangles at v that are joined by manifold edges at v: the first one of each.
+std::vector<size_t> InputOracle::FanGroups(VertexIndex v) const {
   const std::vector<size_t>& triangles = at.at(v);
   std::map<VertexIndex, std::vector<size_t>> by_edge;
   for (size_t i = 0; i < triangles.size(); ++i) {
@@ -72,7 +134,7 @@ size_t InputOracle::Fans(VertexIndex v) const {
       }
     }
   }
-  return std::set<size_t>(group.begin(), group.end()).size();
+  return group;
 }
 
 std::vector<TileTriangle> ClassifiedTriangles(const TriangleMesh& mesh, const Grid& grid) {
@@ -80,12 +142,22 @@ std::vector<TileTriangle> ClassifiedTriangles(const TriangleMesh& mesh, const Gr
   std::vector<TileTriangle> triangles;
   for (const TriangleVertices& kept : oracle.kept) {
     TileTriangle& t = triangles.emplace_back();
-    for (size_t c = 0; c < 3; ++c) {
-      const bool border = oracle.IsBorder(InputOracle::Between(kept[c], kept[(c + 1) % 3]));
-      t.vertices[c] = static_cast<uint32_t>(kept[c]);
-      t.positions[c] = grid.Quantize(mesh.positions[kept[c]]);
-      t.border_edges |= static_cast<uint8_t>(border << c);
-      t.fixed_corners |= static_cast<uint8_t>(oracle.fixed.contains(kept[c]) << c);
+    for (uint32_t c = 0; c < 3; ++c) {
+      const VertexIndex v = kept[c];
+      const size_t order = oracle.OrderOf(InputOracle::Between(v, kept[(c + 1) % 3]));
+      t.vertices[c] = static_cast<uint32_t>(v);
+      t.positions[c] = grid.Quantize(mesh.positions[v]);
+      t.set_order(c, static_cast<uint32_t>(std::min<size_t>(order, kMostOrder)));
+      t.set_fixed(c, oracle.fixed.contains(v));
+      if (!oracle.chains.contains(v)) continue;
+      // Fans are numbered by their first triangles.
+      const std::vector<size_t> group = oracle.FanGroups(v);
+      const std::set<size_t> firsts(group.begin(), group.end());
+      const std::vector<size_t>& around = oracle.at.at(v);
+      const auto here = std::find(around.begin(), around.end(), triangles.size() - 1);
+      const size_t fan = group[static_cast<size_t>(here - around.begin())];
+      t.set_fan(c, static_cast<uint32_t>(std::distance(firsts.begin(), firsts.find(fan))));
+      t.vertices[c] = oracle.FirstNumber(v) + t.fan(c);
     }
   }
   return triangles;

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <map>
+#include <optional>
 #include <set>
 #include <vector>
 
@@ -31,10 +32,17 @@ struct InputOracle {
   InputReport report;
   std::map<Edge, std::vector<int>> uses;          // +1: runs from the smaller end to the larger; -1
   std::map<VertexIndex, std::vector<size_t>> at;  // kept triangles at a vertex
-  std::set<VertexIndex> fixed;                    // at a non-manifold place
+  std::set<VertexIndex> fixed;                    // at a non-manifold place, and on no chain
+  std::map<VertexIndex, uint32_t> chains;  // vertices on chains of several triangles: how many
+
+  size_t OrderOf(const Edge& edge) const;
+  std::vector<size_t> FanGroups(VertexIndex v) const;
+  uint32_t FirstNumber(VertexIndex v) const;
 
  private:
   size_t Fans(VertexIndex v) const;
+  void FindChains();
+  std::optional<uint32_t> ChainOrder(VertexIndex v) const;
 };
 
 // The kept triangles with flags and positions, as the builder's first round gets them.

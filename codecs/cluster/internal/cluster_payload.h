@@ -19,8 +19,9 @@ inline constexpr uint8_t kFlagBoundary = 1;       // some node is a boundary nod
 inline constexpr uint8_t kFlagScaledByError = 2;  // errors bound the residuals along n
 inline constexpr uint8_t kFlagFlat = 4;           // a height field: seen along z
 inline constexpr uint8_t kFlagLattice = 8;  // holes and places of vertices by the Delaunay rule
+inline constexpr uint8_t kFlagFans = 16;    // some node has several fans
 inline constexpr uint8_t kKnownFlags =
-    kFlagBoundary | kFlagScaledByError | kFlagFlat | kFlagLattice;
+    kFlagBoundary | kFlagScaledByError | kFlagFlat | kFlagLattice | kFlagFans;
 
 // EncodeCluster with models that the caller owns, and an observer (or nullptr) that sees what is
 // coded with them.

@@ -35,7 +35,11 @@ void BatchEncoder::FindHoles(const UpdateBatch& batch, const Follows& follows) {
         if (slot != kNone32) s_.mesh.PrefetchTriangle(slot);
       }
     }
-    if (!follows.empty() && !follows[n]) continue;
+    if (batch.nodes[n].twin || (!follows.empty() && !follows[n])) continue;
+    if (batch.EndOfUpdate(n) != n + 1) {
+      unwalked_.push_back(n);
+      continue;
+    }
     uint32_t anchor = kNone32;
     uint64_t last_born = 0;
     for (const uint32_t slot : HoleSlots(batch.nodes[n])) {
@@ -80,7 +84,11 @@ void BatchEncoder::FindStars(const UpdateBatch& batch, const Follows& follows) {
   for (uint32_t n = 0; n < nodes; ++n) {
     if (n + 2 * kAhead < nodes) s_.vertices.Prefetch(batch.nodes[n + 2 * kAhead].vertex);
     if (n + kAhead < nodes) s_.vertices.PrefetchPage(batch.nodes[n + kAhead].vertex);
-    if (!follows.empty() && !follows[n]) continue;
+    if (batch.nodes[n].twin || (!follows.empty() && !follows[n])) continue;
+    if (batch.EndOfUpdate(n) != n + 1) {
+      unwalked_.push_back(n);
+      continue;
+    }
     targets_.push_back({s_.VertexOf(batch.nodes[n].vertex), n});
   }
   std::sort(targets_.begin(), targets_.end());
@@ -295,8 +303,10 @@ void BatchEncoder::FinishRemoval(const UpdateBatch& batch, const Node& node,
   for (size_t t = 0; t < slots_.size(); ++t) {
     s_.PutTriangle(hole_at_[places_[t][0]][places_[t][2]].key, slots_[t]);
   }
-  const uint32_t first = update.boundary ? walked[0] : kNone32;
-  if (const uint32_t lost = s_.mesh.Forget(vertex, first); lost != kNone32) {
+}
+
+void BatchEncoder::ForgetVertex(uint32_t vertex, uint32_t first_of_ring) {
+  if (const uint32_t lost = s_.mesh.Forget(vertex, first_of_ring); lost != kNone32) {
     s_.vertices.Erase(lost);
   }
 }
@@ -305,6 +315,7 @@ void BatchEncoder::EncodeRemoval(const UpdateBatch& batch, Target target) {
   UpdateHole& update = update_;
   WalkStar(s_.mesh, target.at, update);
   FinishRemoval(batch, batch.nodes[target.node], update, target.at);
+  ForgetVertex(target.at, FirstOfRing(update));
 }
 
 void BatchEncoder::EncodeRemovals(const UpdateBatch& batch, std::span<const Target> targets) {
@@ -338,20 +349,15 @@ void BatchEncoder::Encode(const UpdateBatch& batch, const Follows& follows, Byte
     }
   }
   for (const uint32_t node : unwalked_) {
-    s_.MakeRoom(1, out);
-    s_.cost.AddUpdates(1);
-    EncodeListed(batch, batch.nodes[node]);
+    const uint64_t holes = batch.EndOfUpdate(node) - node;
+    s_.MakeRoom(holes, out);
+    s_.cost.AddUpdates(holes);
+    EncodeListed(batch, node);
   }
 }
 
-// An update whose triangles the client cannot find by walking: where edges are non-manifold.
-void BatchEncoder::EncodeListed(const UpdateBatch& batch, const Node& node) {
-  ++listed_;
-  s_.coder.Bit(s_.models.more, true);
-  s_.coder.Bit(s_.models.other, true);
-  s_.coder.Bit(s_.models.clip, false);
-  if (s_.options.delaunay) s_.coder.Bit(s_.models.delaunay.ruled, false);
-  s_.coder.Bit(s_.models.insert, batch.insert);
+// Sets update_ to the ring, and to the triangles that the node removes.
+void BatchEncoder::ListTriangles(const UpdateBatch& batch, const Node& node) {
   UpdateHole& update = update_;
   Patch::Hole& hole = update.hole;
   hole.ring_count = hole.slot_count = 0;
@@ -365,24 +371,50 @@ void BatchEncoder::EncodeListed(const UpdateBatch& batch, const Node& node) {
       hole.slots[hole.slot_count++] = s_.TriangleOf(node.first_star + j);
     }
   }
-  s_.coder.Raw(1, node.boundary ? 1 : 0);
+}
+
+void BatchEncoder::EncodeLists(const UpdateBatch& batch, const Node& node) {
+  ListTriangles(batch, node);
+  const Patch::Hole& hole = update_.hole;
   s_.coder.Raw(6, hole.ring_count);
   for (const uint32_t v : hole.ring_span()) s_.coder.Raw(32, v);
   for (const uint32_t slot : hole.slot_span()) s_.coder.Raw(32, slot);
+}
+
+// An update whose triangles the client cannot find by walking: where edges are non-manifold.
+void BatchEncoder::EncodeListed(const UpdateBatch& batch, uint32_t first) {
+  ++listed_;
+  s_.coder.Bit(s_.models.more, true);
+  s_.coder.Bit(s_.models.other, true);
+  s_.coder.Bit(s_.models.clip, false);
+  if (s_.options.delaunay) s_.coder.Bit(s_.models.delaunay.ruled, false);
+  s_.coder.Bit(s_.models.insert, batch.insert);
+  const auto nodes = std::span(batch.nodes).subspan(first, batch.EndOfUpdate(first) - first);
+  const Node& node = nodes.front();
+  s_.coder.Raw(4, node.boundary ? static_cast<uint32_t>(nodes.size()) : 0);
+  for (const Node& n : nodes) EncodeLists(batch, n);
   if (!batch.insert) {
     const uint32_t vertex = s_.VertexOf(node.vertex);
     s_.coder.Raw(32, vertex);
-    FinishRemoval(batch, node, update, vertex);
+    for (const Node& n : nodes) {
+      if (nodes.size() > 1) ListTriangles(batch, n);
+      FinishRemoval(batch, n, update_, vertex);
+    }
+    ForgetVertex(vertex, nodes.size() > 1 ? kNone32 : FirstOfRing(update_));
     return;
   }
-  const uint32_t remembered = RememberedSlot(node);
-  s_.coder.Raw(32, remembered);
-  if (remembered == kNone32) {
+  uint32_t vertex = RememberedSlot(node);
+  s_.coder.Raw(32, vertex);
+  if (vertex == kNone32) {
     for (int i = 0; i < 3; ++i) s_.coder.Raw(32, static_cast<uint32_t>(node.position[i]));
     const std::byte* row = RowOf(batch, node);
     for (size_t i = 0; i < s_.row_bytes; ++i) s_.coder.Raw(8, static_cast<uint32_t>(row[i]));
   }
-  FinishInsertion(batch, node, update, PutVertex(batch, node, remembered));
+  vertex = PutVertex(batch, node, vertex);
+  for (const Node& n : nodes) {
+    if (nodes.size() > 1) ListTriangles(batch, n);
+    FinishInsertion(batch, n, update_, vertex);
+  }
   next_fresh_.Clear(s_.mesh);
 }
 

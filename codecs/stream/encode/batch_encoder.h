@@ -52,7 +52,10 @@ class BatchEncoder {
   void EncodeRemovals(const UpdateBatch& batch, std::span<const Target> targets);
   void EncodeInsertion(const UpdateBatch& batch, Target target);
   void EncodeRemoval(const UpdateBatch& batch, Target target);
-  void EncodeListed(const UpdateBatch& batch, const Node& node);
+  // An update of several holes is listed by its first node.
+  void EncodeListed(const UpdateBatch& batch, uint32_t first);
+  void EncodeLists(const UpdateBatch& batch, const Node& node);
+  void ListTriangles(const UpdateBatch& batch, const Node& node);
   const std::byte* RowOf(const UpdateBatch& batch, const Node& node) const {
     return batch.rows.data() + static_cast<size_t>(&node - batch.nodes.data()) * s_.row_bytes;
   }
@@ -70,6 +73,7 @@ class BatchEncoder {
                        uint32_t vertex);
   void FinishRemoval(const UpdateBatch& batch, const Node& node, const UpdateHole& update,
                      uint32_t vertex);
+  void ForgetVertex(uint32_t vertex, uint32_t first_of_ring);
 
   SentStream& s_;
   std::vector<Vec3i> ring_;  // positions around the vertex at hand

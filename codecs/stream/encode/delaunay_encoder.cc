@@ -43,7 +43,7 @@ LatticePoint DelaunayEncoder::PlaceOf(VertexIndex vertex) const {
 
 void DelaunayEncoder::NoteNode(const UpdateBatch& batch, const UpdateBatch::Node& node) {
   UpdateChange change;
-  SetChange(change, batch, node);
+  SetChange(change, batch, static_cast<size_t>(&node - batch.nodes.data()));
   for (const TriangleKey key : change.removed) {
     if (!created_.Erase(key)) gone_.Insert(key, {});
   }

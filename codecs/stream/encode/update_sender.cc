@@ -33,7 +33,7 @@ size_t Inserted(std::span<const UpdateBatch> batches) {
   size_t inserted = 0;
   size_t removed = 0;
   for (const UpdateBatch& batch : batches) {
-    (batch.insert ? inserted : removed) += batch.nodes.size();
+    (batch.insert ? inserted : removed) += batch.updates();
   }
   return inserted > removed ? inserted - removed : 0;
 }

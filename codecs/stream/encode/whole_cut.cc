@@ -9,23 +9,26 @@
 
 namespace mtdb::internal {
 
-void SetChange(UpdateChange& change, const UpdateBatch& batch, const UpdateBatch::Node& node) {
+void SetChange(UpdateChange& change, const UpdateBatch& batch, size_t first) {
   std::vector<TriangleKey>& star = batch.insert ? change.created : change.removed;
   std::vector<TriangleKey>& hole = batch.insert ? change.removed : change.created;
   star.clear();
   hole.clear();
   change.corners.clear();
-  const std::span<const VertexIndex> ring = batch.ring_of(node);
-  for (uint32_t j = 0; j < UpdateBatch::StarCount(node); ++j) {
-    star.push_back(node.first_star + j);
-    if (batch.insert) {
-      change.corners.push_back({node.vertex, ring[j], ring[j + 1 == ring.size() ? 0 : j + 1]});
+  for (size_t i = first; i < batch.EndOfUpdate(first); ++i) {
+    const UpdateBatch::Node& node = batch.nodes[i];
+    const std::span<const VertexIndex> ring = batch.ring_of(node);
+    for (uint32_t j = 0; j < UpdateBatch::StarCount(node); ++j) {
+      star.push_back(node.first_star + j);
+      if (batch.insert) {
+        change.corners.push_back({node.vertex, ring[j], ring[j + 1 == ring.size() ? 0 : j + 1]});
+      }
     }
-  }
-  for (const UpdateBatch::HoleTriangle& t : batch.hole_of(node)) {
-    hole.push_back(t.key);
-    if (batch.insert) continue;
-    change.corners.push_back({ring[t.corners[0]], ring[t.corners[1]], ring[t.corners[2]]});
+    for (const UpdateBatch::HoleTriangle& t : batch.hole_of(node)) {
+      hole.push_back(t.key);
+      if (batch.insert) continue;
+      change.corners.push_back({ring[t.corners[0]], ring[t.corners[1]], ring[t.corners[2]]});
+    }
   }
 }
 
@@ -55,9 +58,9 @@ void WholeCut::Apply(const UpdateBatch& batch) {
   std::vector<uint32_t> slots;
   std::vector<std::array<uint32_t, 3>> created;
   const size_t row_bytes = mesh_.options().attributes.row_bytes();
-  for (size_t i = 0; i < batch.nodes.size(); ++i) {
+  for (size_t i = 0; i < batch.nodes.size(); i = batch.EndOfUpdate(i)) {
     const UpdateBatch::Node& node = batch.nodes[i];
-    SetChange(change, batch, node);
+    SetChange(change, batch, i);
     if (batch.insert) {
       const uint32_t vertex = mesh_.AddVertex(node.position, batch.rows.data() + i * row_bytes);
       vertices_.Put(node.vertex, vertex);
@@ -116,8 +119,8 @@ std::vector<std::vector<bool>> WholeCut::Plan(std::span<const UpdateBatch> batch
   std::vector<std::vector<bool>> plan;
   for (const UpdateBatch& batch : batches) {
     std::vector<bool>& follows = plan.emplace_back(batch.nodes.size());
-    for (size_t i = 0; i < batch.nodes.size(); ++i) {
-      SetChange(change, batch, batch.nodes[i]);
+    for (size_t i = 0; i < batch.nodes.size(); i = batch.EndOfUpdate(i)) {
+      SetChange(change, batch, i);
       follows[i] = std::all_of(change.removed.begin(), change.removed.end(), holds);
       if (!follows[i]) continue;
       for (const TriangleKey key : change.removed) changed[key] = false;
@@ -134,7 +137,7 @@ std::vector<std::vector<bool>> WholeCut::Plan(std::span<const UpdateBatch> batch
   for (size_t b = batches.size(); b-- > 0;) {
     for (size_t i = batches[b].nodes.size(); i-- > 0;) {
       if (!plan[b][i]) continue;
-      SetChange(change, batches[b], batches[b].nodes[i]);
+      SetChange(change, batches[b], i);
       plan[b][i] = std::any_of(change.created.begin(), change.created.end(), is_needed);
       if (!plan[b][i]) continue;
       for (const TriangleKey key : change.created) needed[key] = false;

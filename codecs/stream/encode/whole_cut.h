@@ -22,7 +22,7 @@ struct UpdateChange {
   std::vector<TriangleKey> created;
   std::vector<std::array<VertexIndex, 3>> corners;  // of `created`
 };
-void SetChange(UpdateChange& change, const UpdateBatch& batch, const UpdateBatch::Node& node);
+void SetChange(UpdateChange& change, const UpdateBatch& batch, size_t first);
 
 class WholeCut {
  public:

@@ -21,7 +21,7 @@
 namespace mtdb::internal {
 
 inline constexpr std::array<char, 4> kUpdateMagic = {'M', 'T', 'U', 'S'};
-inline constexpr uint8_t kUpdateVersion = 6;
+inline constexpr uint8_t kUpdateVersion = 7;
 inline constexpr uint64_t kMaxRecordBytes = uint64_t{1} << 28;
 
 // What a record does, in 64ths of a byte. A record is padded with zeros until it is no shorter than
@@ -472,6 +472,11 @@ inline void RemoveStar(ReplayedMesh& mesh, const UpdateHole& update, uint32_t ve
   std::vector<std::array<uint32_t, 3>> triangles;
   for (const auto& p : places) triangles.push_back({ring[p[0]], ring[p[1]], ring[p[2]]});
   mesh.Replace(update.hole.slot_span(), triangles, vertex, slots);
+}
+
+// What is remembered of a removed vertex: where the ring begins of one at the border.
+inline uint32_t FirstOfRing(const UpdateHole& update) {
+  return update.boundary ? update.hole.ring[0] : kNone32;
 }
 
 // ---- insertions ----

@@ -91,7 +91,7 @@ std::set<Edge> Rim(const TileResult& r, const std::vector<uint32_t>& triangles, 
   for (const uint32_t t : triangles) {
     for (size_t c = 0; c < 3; ++c) {
       edges[{r.vertices[r.triangles[t][c]], r.vertices[r.triangles[t][(c + 1) % 3]]}] =
-          r.border_edges[t] >> c & 1;
+          (r.edge_orders[t] >> 4 * c & 15u) != 0;
     }
   }
   std::set<Edge> rim;
@@ -111,8 +111,8 @@ void RequireSameTopology(const std::vector<TileTriangle>& tile, const TileResult
   for (const Removal& removal : r.removals) {
     REQUIRE(removed.insert(removal.vertex).second);
     REQUIRE(!r.fixed[removal.vertex]);
-    REQUIRE((removal.boundary() || removal.star_count == removal.hole_count + 2));
-    REQUIRE(removal.star_count + removal.boundary() <= 12);
+    REQUIRE(((removal.fans == 1) || removal.star_count == removal.hole_count + 2));
+    REQUIRE(removal.star_count + (removal.fans == 1) <= 12);
     for (uint32_t j = 0; j < removal.star_count; ++j) {
       const auto& t = r.triangles[r.stars[removal.star_begin + j]];
       REQUIRE(std::count(t.begin(), t.end(), removal.vertex) == 1);
@@ -456,7 +456,7 @@ TEST_CASE("A vertex of more neighbours than the limit is counted and stays") {
   const TileResult r = SurfaceDecimator().Decimate(tiles.tiles[0], tiles.grid, options);
   REQUIRE(r.stuck_degree == 1);
   REQUIRE(r.removals.size() >= 100);
-  for (const Removal& removal : r.removals) REQUIRE(removal.boundary());
+  for (const Removal& removal : r.removals) REQUIRE((removal.fans == 1));
 }
 
 TEST_CASE("A tile of any size leaves a cluster that is not too large") {
@@ -467,7 +467,7 @@ TEST_CASE("A tile of any size leaves a cluster that is not too large") {
     const TileResult r = SurfaceDecimator().Decimate(tile, tiles.grid, To(0));
     most = std::max(most, r.triangles.size() + r.removals.size());
     size_t rings = 0;
-    for (const Removal& removal : r.removals) rings += removal.star_count + removal.boundary();
+    for (const Removal& removal : r.removals) rings += removal.star_count + (removal.fans == 1);
     REQUIRE(r.triangles.size() <= kMostSlots);
     REQUIRE(rings <= kMostSlots);
     REQUIRE(r.removals.size() <= kMostNodes);

@@ -29,8 +29,27 @@ TileTriangle Rotated(TileTriangle t) {
        ++turn) {
     t.vertices = {t.vertices[1], t.vertices[2], t.vertices[0]};
     t.positions = {t.positions[1], t.positions[2], t.positions[0]};
-    t.border_edges = static_cast<uint8_t>((t.border_edges >> 1) | (t.border_edges & 1) << 2);
-    t.fixed_corners = static_cast<uint8_t>((t.fixed_corners >> 1) | (t.fixed_corners & 1) << 2);
+    const TileTriangle before = t;
+    for (uint32_t c = 0; c < 3; ++c) {
+      t.set_order(c, before.order((c + 1) % 3));
+      t.set_fixed(c, before.fixed((c + 1) % 3));
+      t.set_fan(c, before.fan((c + 1) % 3));
+    }
+  }
+  return t;
+}
+
+// With the input's numbers of vertices. Those on chains have a number for each fan, behind the
+// input's, in the order of the vertices.
+TileTriangle Unfanned(TileTriangle t, const InputOracle& oracle) {
+  for (uint32_t c = 0; c < 3; ++c) {
+    if (t.vertices[c] < oracle.report.vertices) continue;
+    const uint32_t seat = t.seat(c);
+    const auto chain = std::ranges::find_if(oracle.chains, [&](const auto& at) {
+      return oracle.FirstNumber(at.first) == seat && t.fan(c) < at.second;
+    });
+    REQUIRE(chain != oracle.chains.end());
+    t.vertices[c] = static_cast<uint32_t>(chain->first);
   }
   return t;
 }
@@ -57,12 +76,13 @@ void RequireAgreement(const TriangleMesh& mesh, size_t memory_bytes, unsigned th
         rows_fit &= block.rows.size() == 3 * row * block.triangles.size();
         const std::byte* rows = block.rows.data();
         for (const TileTriangle& t : block.triangles) {
-          for (size_t c = 0; c < 3; ++c, rows += row) {
-            rows_fit &=
-                row == 0 || std::memcmp(rows, mesh.rows.data() + t.vertices[c] * row, row) == 0;
-            rows_fit &= t.positions[c] == grid.Quantize(mesh.positions[t.vertices[c]]);
+          const TileTriangle named = Unfanned(t, oracle);
+          for (uint32_t c = 0; c < 3; ++c, rows += row) {
+            const uint32_t v = named.vertices[c];
+            rows_fit &= row == 0 || std::memcmp(rows, mesh.rows.data() + v * row, row) == 0;
+            rows_fit &= t.positions[c] == grid.Quantize(mesh.positions[v]);
           }
-          found.push_back(Rotated(t));
+          found.push_back(Rotated(named));
         }
         return Status::Ok();
       });
@@ -80,9 +100,10 @@ void RequireAgreement(const TriangleMesh& mesh, size_t memory_bytes, unsigned th
   REQUIRE(found.size() == expected.size());
   for (size_t i = 0; i < expected.size(); ++i) {
     INFO("triangle " << i);
-    REQUIRE(found[i].vertices == expected[i].vertices);  // the input's order
-    REQUIRE(found[i].border_edges == expected[i].border_edges);
-    REQUIRE(found[i].fixed_corners == expected[i].fixed_corners);
+    const TileTriangle wanted = Rotated(Unfanned(expected[i], oracle));
+    REQUIRE(found[i].vertices == wanted.vertices);  // the input's order
+    REQUIRE(found[i].edges == wanted.edges);
+    REQUIRE(found[i].fans == wanted.fans);
     REQUIRE(found[i].child == kNone32);
   }
 }

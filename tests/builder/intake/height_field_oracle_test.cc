@@ -39,7 +39,7 @@ bool IsSingle(const std::vector<Flat>& triangles) {
     for (size_t i = 0; i < 3; ++i) {
       t.positions[i] = {static_cast<int32_t>(f[i].x), static_cast<int32_t>(f[i].y), 0};
     }
-    t.border_edges = 7;
+    for (uint32_t i = 0; i < 3; ++i) t.set_order(i, 1);
     REQUIRE(sweep.Add(t).ok());
   }
   return sweep.Check(Grid{}).ok();

@@ -73,7 +73,7 @@ TEST_CASE("What clusters left is, beneath one tile, the surface that their round
     REQUIRE(held == std::set<uint32_t>(rounds.removed.begin(), rounds.removed.end()));
     for (const HeldVertex& h : surface.held) {
       REQUIRE(!surface.own[h.triangle]);
-      if (h.edge != 3) REQUIRE((rounds.after[h.triangle].border_edges >> h.edge & 1));
+      if (h.edge != 3) REQUIRE(rounds.after[h.triangle].order(h.edge) != 0);
     }
   }
 }

@@ -304,7 +304,7 @@ TEST_CASE("a needle that points at a removed vertex is no nearer to it than its 
       t.vertices = {a, b, c};
       for (uint32_t i = 0; i < 3; ++i) {
         t.positions[i] = places[t.vertices[i]];
-        if (t.vertices[i] >= 1 && t.vertices[i] <= 3) t.fixed_corners |= 1u << i;
+        if (t.vertices[i] >= 1 && t.vertices[i] <= 3) t.set_fixed(i, true);
       }
     };
     for (const auto& [a, b, c] :

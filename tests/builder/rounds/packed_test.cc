@@ -56,9 +56,9 @@ TEST_CASE("Packed triangles come back as they were") {
         t.child_slot = number();
         t.height = number();
       }
-      t.border_edges = random() % 3 == 0 ? random() % 8 : 0;
-      t.fixed_corners = random() % 3 == 0 ? random() % 8 : 0;
-      t.explicit_arc = random() % 5 == 0;
+      t.edges = static_cast<uint16_t>(random() % 3 == 0 ? random() & 0x7fff : 0);
+      t.fans = static_cast<uint16_t>(random() % 3 == 0 ? random() & 0xfff : 0);
+      t.set_explicit_arc(random() % 5 == 0);
       if (random() % 3 == 0) code += uint64_t{number()} << (random() % 30);
       Bytes bytes(packer.max_bytes());
       const size_t size = packer.Pack(t, its_rows.data(), code, bytes.data());

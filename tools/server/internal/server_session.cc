@@ -79,7 +79,7 @@ uint64_t ServerSession::TrianglesAfter(std::span<const UpdateBatch> batches) con
   uint64_t triangles = triangles_;
   for (const UpdateBatch& batch : batches) {
     for (const UpdateBatch::Node& node : batch.nodes) {
-      // A star has two triangles more than its hole, at the border one.
+      // A star has two triangles more than its hole, at a crease one.
       const uint32_t more = UpdateBatch::StarCount(node) - (node.ring_count - 2);
       triangles = batch.insert ? triangles + more : triangles - more;
     }
@@ -152,7 +152,7 @@ Result<ServerSession::End> ServerSession::Update(const Query& query, const Pace&
     sent = true;
     pace.takes(memory_bytes());
     for (const UpdateBatch& batch : batches) {
-      (batch.insert ? progress->insertions : progress->removals) += batch.nodes.size();
+      (batch.insert ? progress->insertions : progress->removals) += batch.updates();
     }
     ++progress->rounds;
     // What was taken stays: the search ends before the next round.

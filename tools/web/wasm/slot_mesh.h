@@ -59,8 +59,9 @@ class SlotMesh {
       const std::span<const VertexIndex> ring = batch.ring_of(node);
       const uint32_t star = UpdateBatch::StarCount(node);
       if (batch.insert) {
-        AddVertex(node.vertex, node.position,
-                  ByteSpan(batch.rows).subspan(i * row_bytes_, row_bytes_));
+        if (!node.twin)
+          AddVertex(node.vertex, node.position,
+                    ByteSpan(batch.rows).subspan(i * row_bytes_, row_bytes_));
         for (const auto& t : batch.hole_of(node)) RemoveTriangle(t.key);
         for (uint32_t j = 0; j < star; ++j) {
           AddTriangle(node.first_star + j, {node.vertex, ring[j], ring[(j + 1) % ring.size()]});
@@ -70,6 +71,7 @@ class SlotMesh {
         for (const auto& t : batch.hole_of(node)) {
           AddTriangle(t.key, {ring[t.corners[0]], ring[t.corners[1]], ring[t.corners[2]]});
         }
+        if (batch.EndOfUpdate(i) != i + 1) continue;
         const auto at = vertices_.find(node.vertex);
         free_vertices_.push_back(at->second);
         vertices_.erase(at);
