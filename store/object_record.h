@@ -26,8 +26,10 @@ struct InputReport {
   uint64_t unreferenced_vertices = 0;  // dropped
   uint64_t degenerate_triangles = 0;   // two equal vertex indices; dropped
   uint64_t duplicate_triangles = 0;    // the same three vertices in the same orientation; dropped
-  uint64_t nonmanifold_edges = 0;      // kept, never simplified
-  uint64_t nonmanifold_vertices = 0;   // kept, never simplified; includes the ends of such edges
+  // Of more than two triangles, or of two that disagree about the surface's outside.
+  uint64_t nonmanifold_edges = 0;
+  // Kept, never simplified: where chains of such edges end or meet, or parts of the surface touch.
+  uint64_t nonmanifold_vertices = 0;
   friend bool operator==(const InputReport&, const InputReport&) = default;
 };
 

@@ -205,6 +205,11 @@ bool TileMesh::EdgesAreFree(const Hole& hole) const {
   const std::vector<uint32_t>& ring = hole.ring;
   if (k < 3) return false;
   if (hole.flat) return true;
+  // A triangle all of whose edges are creases may be one of another sheet, too.
+  if (k == 3 && places_[hole.vertex].order != 1 &&
+      std::ranges::all_of(hole.ring_edges, [&](uint32_t h) { return order(h) > 1; })) {
+    return false;
+  }
   if (hole.boundary) {
     const uint32_t a = ring[0];
     const uint32_t b = ring[k - 1];

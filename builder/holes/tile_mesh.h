@@ -56,7 +56,7 @@ class TileMesh {
   // when it has more than `limit` neighbours (at most Hole::kMaxRing).
   bool OpenHole(uint32_t v, uint32_t limit, Hole& hole) const;
   // False when no filling of the hole is legal: the new border edge exists already, or the new
-  // triangle would be locked as a whole or close a tetrahedron.
+  // triangle would be locked as a whole, close a tetrahedron, or have creases all around.
   bool EdgesAreFree(const Hole& hole) const;
   // Sets hole.forbidden: edges between two locked vertices (the neighbouring tile may hold or make
   // the same edge) and, when `existing`, edges that are there.
@@ -97,6 +97,7 @@ class TileMesh {
   bool AnyNeighbour(uint32_t v, F&& f) const;
 
   uint32_t Origin(uint32_t h) const { return triangles_[h / 3].corners[h % 3]; }
+  uint32_t order(uint32_t h) const { return triangles_[h / 3].order(h % 3); }
   uint32_t opposite(uint32_t h) const { return triangles_[h / 3].opposites[h % 3]; }
   uint32_t& opposite(uint32_t h) { return triangles_[h / 3].opposites[h % 3]; }
 

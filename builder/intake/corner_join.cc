@@ -154,7 +154,7 @@ class Link {
     uint64_t duplicates = 0;
     uint64_t border_edges = 0;       // running away from the vertex
     uint64_t nonmanifold_edges = 0;  // to a larger vertex
-    bool manifold = true;
+    bool stays = false;    // whatever the error
     uint32_t fans = 0;  // of a vertex on a chain of creases of this order, more than 1
   };
   // `places` index `corners` in the input's order; sets their `flags`.
@@ -176,16 +176,13 @@ class Link {
       counts.border_edges += n.uses() == 1 && n.out == 1;
       creases += n.order() != 0;
       known &= n.order() <= kMostOrder;
-      if (n.order() < 2) continue;
-      counts.manifold = false;
-      counts.nonmanifold_edges += v < n.vertex;
+      counts.nonmanifold_edges += n.order() > 1 && v < n.vertex;
     }
-    const bool chain = FindFans(creases) && known;
-    counts.manifold &= chain;
-    if (chain && fans_ > 1) counts.fans = fans_;
+    counts.stays = !FindFans(creases) || !known;
+    if (!counts.stays && fans_ > 1) counts.fans = fans_;
     for (const Edge& e : edges_) {
       uint32_t answer = std::min(At(e.a).order(), kMostOrder);
-      if (!chain) answer |= kFixed;
+      if (counts.stays) answer |= kFixed;
       if (counts.fans > 0) answer |= kChain | e.fan << kFanShift;
       flags[e.place] = static_cast<uint16_t>(flags[e.place] | answer);
     }
@@ -414,7 +411,7 @@ class Join {
       w.totals.duplicate_triangles += counts.duplicates;
       w.totals.boundary_edges += counts.border_edges;
       w.totals.nonmanifold_edges += counts.nonmanifold_edges;
-      w.totals.nonmanifold_vertices += !counts.manifold;
+      w.totals.nonmanifold_vertices += counts.stays;
       w.numbers[v] = w.fans;
       w.fans += counts.fans;
     }

@@ -39,8 +39,8 @@ InputOracle::InputOracle(const std::vector<TriangleVertices>& input, uint64_t ve
   for (const auto& [v, triangles] : at) {
     if (Fans(v) > 1) fixed.insert(v);
   }
-  report.nonmanifold_vertices = fixed.size();
   FindChains();
+  report.nonmanifold_vertices = fixed.size();
 }
 
 // Takes the vertices on chains out of those that stay.

@@ -85,9 +85,12 @@ void RequireCutsAsTheInput(const TriangleMesh& mesh, const BuiltObject& built, i
     REQUIRE(cut.unused_vertices == 0);
     REQUIRE(cut.degenerate_triangles == 0);
     REQUIRE(cut.duplicate_triangles == input.duplicate_triangles);
-    REQUIRE(cut.nonmanifold_edges == input.nonmanifold_edges);
-    REQUIRE(cut.misoriented_edges == input.misoriented_edges);
-    REQUIRE(cut.nonmanifold_vertices == input.nonmanifold_vertices);
+    // Chains of creases become shorter; what meets in them, tests/sheets knows.
+    for (const auto& faults : {&MeshCheck::nonmanifold_edges, &MeshCheck::misoriented_edges,
+                               &MeshCheck::nonmanifold_vertices}) {
+      REQUIRE(cut.*faults <= input.*faults);
+      REQUIRE((cut.*faults == 0) == (input.*faults == 0));
+    }
     REQUIRE(cut.euler_characteristic == input.euler_characteristic);
     REQUIRE(cut.components == input.components);
     // Where loops touch, there is more than one way to count them.

@@ -121,6 +121,7 @@ class Watched:
 
     def __init__(self, progress: Progress) -> None:
         self.raised: BaseException | None = None
+        self.stopped = False  # the callback has asked for it
         self._bar: Any = None
         self._tell = self._teller(progress)
         self.control = Handle("control", "create_control")
@@ -149,6 +150,7 @@ class Watched:
     def _on_progress(self, _user: Any, stage: bytes, overall: float) -> int:
         try:
             if self._tell is not None and self._tell(stage.decode(), overall) is False:
+                self.stopped = True
                 return 1
             return 0
         except BaseException as error:  # KeyboardInterrupt, too
@@ -165,10 +167,12 @@ class Watched:
         try:
             with _interrupts.cancel(self.control):
                 work(C.byref(self.struct))
-        except Exception:
-            if self.raised is not None:
-                raise self.raised from None
-            raise
+        except Exception as error:
+            raised = self.raised or error
+            if isinstance(raised, Cancelled) and not self.stopped:
+                # Ctrl-C came when a callback had begun, and before it could catch anything.
+                raise KeyboardInterrupt from None
+            raise raised from None
         finally:
             if self._bar is not None:
                 self._bar.close()
