@@ -12,6 +12,7 @@
 #include "store/base/attribute_grid.h"
 #include "store/base/grid.h"
 #include "store/base/in_circle.h"
+#include "tests/codecs/book_fixture.h"
 
 namespace mtdb::testing {
 
@@ -307,13 +308,19 @@ ClusterFixture MakeCluster(const ClusterOptions& options) {
     }
     return fixture;
   }
-  Decimator decimator(options, fixture.updates);
-  decimator.MakeSurface();
-  const auto full = static_cast<uint32_t>(fixture.updates.triangles.size());
-  decimator.Decimate();
   ClusterUpdates& updates = fixture.updates;
+  if (options.surface == Surface::kBook) {
+    MakeBook(options, updates);
+  } else {
+    Decimator decimator(options, updates);
+    decimator.MakeSurface();
+    decimator.Decimate();
+  }
   updates.consumers.resize(updates.triangles.size());
-  for (uint32_t t = 0; t < full; ++t) {
+  std::vector<bool> made(updates.triangles.size(), false);
+  for (const uint32_t t : updates.holes) made[t] = true;
+  for (uint32_t t = 0; t < made.size(); ++t) {
+    if (made[t]) continue;
     const auto column = updates.triangles[t][0] % static_cast<uint32_t>(options.side);
     const auto child = static_cast<int>(column) * (options.children + 1) / options.side;
     if (child == options.children) continue;  // the drain

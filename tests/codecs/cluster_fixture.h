@@ -11,12 +11,13 @@ namespace mtdb::testing {
 
 // The second and third have a border. kTerrain: vertices of a square's lattice, inserted by the
 // Delaunay rule, some of them on the border; kOtherTerrain: by another rule.
-enum class Surface { kTorus, kSheet, kTerrain, kOtherTerrain };
+enum class Surface { kTorus, kSheet, kTerrain, kOtherTerrain, kBook };
 enum class Numbers { kGrid, kLossless, kWild, kCoincident };
 
 struct ClusterOptions {
   Surface surface = Surface::kTorus;
   int side = 20;  // vertices along a side
+  int pages = 3;  // of a book
   Numbers numbers = Numbers::kGrid;
   bool attributes = false;          // of every type, wild
   bool rounded_attributes = false;  // colours, a normal on the octahedron, scalars on steps

@@ -73,18 +73,43 @@ std::array<uint32_t, 3> UpdateFixture::Corners(uint32_t slot) const {
 }
 
 void UpdateFixture::AddNode(uint32_t node, UpdateBatch& batch) const {
+  // A fan ends where a later one begins, or the node's star.
+  uint32_t begin = cluster_.star_begin[node];
+  const uint32_t end = cluster_.star_begin[node + 1];
+  const std::span<const uint32_t> hole = cluster_.hole(node);
+  size_t done = 0;
+  std::vector<uint32_t> ends;
+  for (const uint32_t slot : cluster_.later_fans) {
+    if (slot > begin && slot < end) ends.push_back(slot);
+  }
+  ends.push_back(end);
+  for (const uint32_t fan_end : ends) {
+    std::vector<uint32_t> ring;
+    for (uint32_t slot = begin; slot < fan_end; ++slot) {
+      const auto corners = cluster_.created_triangle(node, slot);
+      if (ring.empty()) ring.push_back(corners[1]);
+      if (corners[2] != ring[0]) ring.push_back(corners[2]);
+    }
+    AddHole(node, begin, ring, hole.subspan(done, ring.size() - 2), batch);
+    batch.nodes.back().twin = done > 0;
+    done += ring.size() - 2;
+    begin = fan_end;
+  }
+}
+
+void UpdateFixture::AddHole(uint32_t node, uint32_t first_star, std::span<const uint32_t> ring,
+                            std::span<const uint32_t> hole, UpdateBatch& batch) const {
   UpdateBatch::Node& out = batch.nodes.emplace_back();
   const uint32_t vertex = cluster_.external_vertices() + node;
   out.vertex = vertex;
   out.position = cluster_.position(vertex);
   out.boundary = cluster_.boundary(node);
-  out.first_star = cluster_.star_begin[node];
+  out.first_star = first_star;
   out.ring_begin = static_cast<uint32_t>(batch.ring.size());
   out.hole_begin = static_cast<uint32_t>(batch.holes.size());
-  const auto ring = cluster_.ring(node);
   out.ring_count = static_cast<uint32_t>(ring.size());
   batch.ring.insert(batch.ring.end(), ring.begin(), ring.end());
-  for (const uint32_t slot : cluster_.hole(node)) {
+  for (const uint32_t slot : hole) {
     UpdateBatch::HoleTriangle& t = batch.holes.emplace_back();
     t.key = slot;
     const auto corners = Corners(slot);

@@ -45,6 +45,8 @@ class UpdateFixture {
  private:
   std::vector<uint32_t> Parents(uint32_t node) const;
   void AddNode(uint32_t node, UpdateBatch& batch) const;
+  void AddHole(uint32_t node, uint32_t first_star, std::span<const uint32_t> ring,
+               std::span<const uint32_t> hole, UpdateBatch& batch) const;
   std::array<uint32_t, 3> Corners(uint32_t slot) const;
 
   bool terrain_ = false;

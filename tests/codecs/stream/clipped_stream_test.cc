@@ -33,6 +33,7 @@ std::vector<Case> AllCases() {
       {{.side = 20}},
       {{.surface = Surface::kSheet, .side = 20}},
       {{.surface = Surface::kSheet, .side = 16, .pierced = true}, false},
+      {{.surface = Surface::kBook, .side = 16}, false},
       {{.surface = Surface::kSheet, .side = 14, .numbers = Numbers::kLossless, .attributes = true}},
       {{.side = 12, .numbers = Numbers::kWild}},
       {{.side = 12, .numbers = Numbers::kCoincident, .attributes = true}},
