@@ -12,6 +12,7 @@ inline constexpr ClusterOptions kClusterFuzzTargets[] = {
     {.side = 8, .numbers = Numbers::kWild, .attributes = true},
     {.surface = Surface::kSheet, .side = 8, .rounded_attributes = true},
     {.surface = Surface::kTerrain, .side = 8},
+    {.surface = Surface::kBook, .side = 8},
 };
 
 }  // namespace mtdb::testing

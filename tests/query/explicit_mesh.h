@@ -31,7 +31,8 @@ class ExplicitMesh {
   void Apply(const UpdateBatch& batch) {
     std::set<TriangleKey> before;
     for (const auto& [key, t] : triangles_) before.insert(key);
-    for (const UpdateBatch::Node& node : batch.nodes) {
+    for (size_t n = 0; n < batch.nodes.size(); ++n) {
+      const UpdateBatch::Node& node = batch.nodes[n];
       const auto ring = batch.ring_of(node);
       std::vector<std::pair<TriangleKey, TriangleVertices>> hole, star;
       for (const auto& t : batch.hole_of(node)) {
@@ -49,8 +50,8 @@ class ExplicitMesh {
         REQUIRE(triangles_.emplace(key, t).second);
       }
       if (batch.insert) {
-        REQUIRE(positions_.emplace(node.vertex, node.position).second);
-      } else {
+        REQUIRE(positions_.emplace(node.vertex, node.position).second == !node.twin);
+      } else if (batch.EndOfUpdate(n) == n + 1) {
         REQUIRE(positions_.erase(node.vertex) == 1);
       }
     }

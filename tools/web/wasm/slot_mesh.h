@@ -59,9 +59,10 @@ class SlotMesh {
       const std::span<const VertexIndex> ring = batch.ring_of(node);
       const uint32_t star = UpdateBatch::StarCount(node);
       if (batch.insert) {
-        if (!node.twin)
+        if (!node.twin) {
           AddVertex(node.vertex, node.position,
                     ByteSpan(batch.rows).subspan(i * row_bytes_, row_bytes_));
+        }
         for (const auto& t : batch.hole_of(node)) RemoveTriangle(t.key);
         for (uint32_t j = 0; j < star; ++j) {
           AddTriangle(node.first_star + j, {node.vertex, ring[j], ring[(j + 1) % ring.size()]});
