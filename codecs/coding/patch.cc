@@ -7,6 +7,8 @@
 #include <memory>
 #include <utility>
 
+#include "store/base/hash.h"
+
 namespace mtdb {
 
 namespace {
@@ -170,17 +172,24 @@ void Patch::OpenStar(const Hole& hole) {
 }
 
 namespace {
+constexpr uint32_t kCreaseLists = 4096;
+
 uint64_t EndsKey(uint32_t a, uint32_t b) { return uint64_t{std::max(a, b)} << 32 | std::min(a, b); }
+size_t CreaseList(uint64_t ends) { return Mix64(ends) % kCreaseLists; }
 }  // namespace
 
 void Patch::NoteCrease(uint32_t half_edge) {
   const Triangle& t = triangles_[half_edge >> 2];
   const uint32_t i = half_edge & 3;
   if (t.opposite[i] != kNone32) return;
-  creases_.emplace(EndsKey(t.corners[i], t.corners[i == 2 ? 0 : i + 1]), half_edge);
+  const uint64_t ends = EndsKey(t.corners[i], t.corners[i == 2 ? 0 : i + 1]);
+  uint32_t& list = crease_lists_[CreaseList(ends)];
+  creases_.push_back({ends, half_edge, list});
+  list = static_cast<uint32_t>(creases_.size() - 1);
 }
 
 void Patch::IndexCreases() {
+  crease_lists_.assign(kCreaseLists, kNone32);
   for (uint32_t slot = 0; slot < slots_; ++slot) {
     for (uint32_t i = 0; i < 3; ++i) NoteCrease(4 * slot + i);
   }
@@ -196,15 +205,19 @@ void Patch::NoteCreases(const Hole& hole, bool boundary) {
   if (const uint32_t o = hole.outer[count]; o != kNone32) NoteCrease(o);
 }
 
+// What is gone leaves its list on the way.
 std::span<const uint32_t> Patch::FindCrease(uint32_t a, uint32_t b) {
   crease_.clear();
-  const auto [begin, end] = creases_.equal_range(EndsKey(a, b));
-  for (auto it = begin; it != end;) {
-    const uint32_t h = it->second;
-    const bool there =
-        removers_[h >> 2] == kNone32 && triangles_[h >> 2].opposite[h & 3] == kNone32;
-    if (there) crease_.push_back(h);
-    it = there ? std::next(it) : creases_.erase(it);
+  const uint64_t ends = EndsKey(a, b);
+  for (uint32_t* link = &crease_lists_[CreaseList(ends)]; *link != kNone32;) {
+    const Crease& c = creases_[*link];
+    const uint32_t h = c.half_edge;
+    if (removers_[h >> 2] != kNone32 || triangles_[h >> 2].opposite[h & 3] != kNone32) {
+      *link = c.next;
+      continue;
+    }
+    if (c.ends == ends) crease_.push_back(h);
+    link = &creases_[*link].next;
   }
   std::sort(crease_.begin(), crease_.end());
   return crease_;

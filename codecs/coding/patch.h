@@ -9,12 +9,10 @@
 #include <cstdint>
 #include <memory>
 #include <span>
-#include <unordered_map>
 #include <vector>
 
 #include "store/base/float4.h"
 #include "store/base/geometry.h"
-#include "store/base/hash.h"
 #include "store/base/ids.h"
 
 namespace mtdb {
@@ -220,11 +218,13 @@ class Patch {
   uint32_t shortest_;                // the exponent of length class 0, as a float has it
   uint32_t first_apex_;              // the vertex of node 0
   float height_ = 1;                 // what differences of z count: 0 when flat
-  // Half-edges that had no opposite, by their ends; some of them are gone.
-  struct HashOfEnds {
-    size_t operator()(uint64_t ends) const { return Mix64(ends); }
+  // Half-edges that had no opposite, in lists of those whose ends have one hash; some are gone.
+  struct Crease {
+    uint64_t ends;
+    uint32_t half_edge, next;
   };
-  std::unordered_multimap<uint64_t, uint32_t, HashOfEnds> creases_;
+  std::vector<Crease> creases_;
+  std::vector<uint32_t> crease_lists_;
   std::vector<uint32_t> crease_;  // the one that was found
 };
 

@@ -43,10 +43,10 @@ struct UpdateBatch {
     VertexIndex vertex = 0;
     Vec3i position;
     bool boundary = false;
-    bool twin = false;                        // another hole of the vertex that the node before has
     TriangleKey first_star = 0;               // star triangle j has the key first_star + j
     uint32_t ring_begin = 0, ring_count = 0;  // in `ring`
     uint32_t hole_begin = 0;                  // in `holes`; ring_count - 2 of them
+    bool twin = false;                        // another hole of the vertex before it
   };
   struct HoleTriangle {
     TriangleKey key = 0;
