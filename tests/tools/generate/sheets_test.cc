@@ -89,7 +89,7 @@ double AreaOf(const TriangleMesh& mesh, const TriangleVertices& t) {
 }
 
 TEST_CASE("sheets have the fins, flaps, crumbs and copies that they are said to have") {
-  for (const uint64_t triangles : {5'000u, 40'000u, 400'000u}) {
+  for (const uint64_t triangles : {10'000u, 40'000u, 400'000u}) {
     const TriangleMesh mesh = Make(triangles);
     const SheetsPlan plan = PlanSheets(triangles, 1);
     INFO(triangles << " wanted, " << mesh.triangles.size() << " made");
