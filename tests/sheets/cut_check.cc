@@ -74,7 +74,7 @@ class CutChecker {
   void Number(const Complex& complex, const Complex& cut);
   SheetGraph Rest(const SheetGraph& cut);
   static std::vector<bool> Present(const SheetGraph& rest, const SheetGraph& cut);
-  // Patches of which the cut has no face; of neighbours the smaller one only.
+  // Patches of which the cut has no face; not yet all of them, when some have neighbours.
   std::vector<bool> Vanished(const SheetGraph& rest, const SheetGraph& cut) const;
   void CheckFaces(const SheetGraph& rest, const SheetGraph& cut);
   void CheckChains(const SheetGraph& rest, const SheetGraph& cut);
@@ -141,21 +141,33 @@ std::vector<bool> CutChecker::Present(const SheetGraph& rest, const SheetGraph& 
   return present;
 }
 
+// Flaps, fins and components have vertices of their own. Others may seem to be gone while a
+// neighbour was there that is gone now; so they are asked last.
 std::vector<bool> CutChecker::Vanished(const SheetGraph& rest, const SheetGraph& cut) const {
-  const std::vector<bool> present = Present(rest, cut);
-  const std::vector<std::vector<uint32_t>> corners = CornersOfPatches(rest, points_.size());
-  std::vector<bool> vanished(rest.patch_count());
+  std::vector<bool> vanished = Present(rest, cut);
+  vanished.flip();
+  std::vector<bool> has_own(rest.patch_count());
+  for (uint32_t v = 0; v < points_.size(); ++v) {
+    if (rest.patches_at(v).size() == 1) has_own[rest.patches_at(v)[0]] = true;
+  }
+  std::vector<bool> first = vanished;
   for (uint32_t patch = 0; patch < rest.patch_count(); ++patch) {
-    vanished[patch] = !present[patch];
+    if (!has_own[patch]) first[patch] = false;
+  }
+  if (std::count(first.begin(), first.end(), true) > 0) vanished = first;
+  // Of neighbours the smaller one.
+  const std::vector<std::vector<uint32_t>> corners = CornersOfPatches(rest, points_.size());
+  std::vector<bool> smallest = vanished;
+  for (uint32_t patch = 0; patch < rest.patch_count(); ++patch) {
     for (const uint32_t v : corners[patch]) {
       for (const uint32_t other : rest.patches_at(v)) {
         const bool smaller =
             std::pair(corners[other].size(), other) < std::pair(corners[patch].size(), patch);
-        if (!present[other] && smaller) vanished[patch] = false;
+        if (vanished[other] && smaller) smallest[patch] = false;
       }
     }
   }
-  return vanished;
+  return smallest;
 }
 
 SheetGraph CutChecker::Rest(const SheetGraph& cut) {

@@ -326,6 +326,53 @@ TEST_CASE("Each fault in a random complex is found") {
   CHECK(tried > 1000);
 }
 
+// The complex without the extras of which `gone` says so.
+Complex Without(const RandomComplex& made, const std::set<uint32_t>& gone) {
+  Complex cut = made.complex;
+  cut.triangles.clear();
+  for (size_t f = 0; f < made.complex.triangles.size(); ++f) {
+    if (!gone.contains(made.extras[f])) cut.triangles.push_back(made.complex.triangles[f]);
+  }
+  return WholeCut(cut);
+}
+
+TEST_CASE("Flaps and crumbs may go where that is permitted, whole and one by one") {
+  uint64_t tried = 0, halves = 0;
+  for (uint32_t i = 0; i < 20 * kShapes; ++i) {
+    const auto shape = static_cast<Shape>(i % kShapes);
+    INFO(NameOf(shape) << " " << i / kShapes);
+    const RandomComplex made = MakeRandomComplex(shape, i / kShapes);
+    std::set<uint32_t> extras(made.extras.begin(), made.extras.end());
+    extras.erase(kNoExtra);
+    CHECK(Check(made.complex, Without(made, {}), true).vanished_patches == 0);
+    std::set<uint32_t> gone;
+    for (const uint32_t extra : extras) {
+      // A triangle that goes on in a sheet may go like any ear.
+      if (Check(made.complex, Without(made, {extra})).ok()) continue;
+      gone.insert(extra);
+      for (const std::set<uint32_t>& some : {std::set<uint32_t>{extra}, gone}) {
+        const CutReport report = Check(made.complex, Without(made, some), true);
+        INFO(report.Text());
+        CHECK(report.ok());
+        CHECK(report.vanished_patches == some.size());
+        ++tried;
+      }
+      // Half of a crumb is not gone.
+      Complex half = Without(made, {extra});
+      const size_t before = half.triangles.size();
+      for (size_t f = 0; f < made.extras.size(); ++f) {
+        if (made.extras[f] == extra) half.triangles.push_back(made.complex.triangles[f]);
+      }
+      if (half.triangles.size() == before + 1) continue;
+      half.triangles.resize(before + (half.triangles.size() - before) / 2);
+      CHECK_FALSE(Check(made.complex, half, true).ok());
+      ++halves;
+    }
+  }
+  CHECK(tried > 300);
+  CHECK(halves > 100);
+}
+
 TEST_CASE("The largest distance is that of the farthest point") {
   const Complex sheet = Sheet(4);
   Complex other = sheet;

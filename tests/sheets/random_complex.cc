@@ -339,24 +339,38 @@ void Maker::Mixture() {
 void Maker::Extras() {
   if (Chance(0.4)) Reverse(Region(Uniform(0.05, 0.35)));
   if (Chance(0.4) && faces().size() < 250) Copy(Region(Uniform(0.05, 0.35)));
-  for (int flaps = Below(4); flaps > 0; --flaps) Flap(Chance(0.5));
-  for (int crumbs = Below(3); crumbs > 0; --crumbs) {
-    Ball({Uniform(0, 0.8), Uniform(0, 0.8), Uniform(0.2, 0.3)}, Uniform(0.02, 0.06), 0);
-  }
+  made_.extras.assign(faces().size(), kNoExtra);
+  uint32_t extra = 0;
+  const auto add = [&](int count, const std::function<void()>& make) {
+    for (; count > 0; --count) {
+      make();
+      made_.extras.resize(faces().size(), extra++);
+    }
+  };
+  add(Below(4), [&] { Flap(Chance(0.5)); });
+  add(Below(3), [&] {
+    const Point middle{Uniform(0, 0.8), Uniform(0, 0.8), Uniform(0.2, 0.3)};
+    Ball(middle, Uniform(0.02, 0.06), 0);
+  });
+  for (int again = Below(3); again > 0; --again) faces().push_back(faces()[0]);
+  made_.extras.resize(faces().size(), kNoExtra);
 }
 
 void Maker::Shuffle() {
-  std::vector<uint32_t> to(made_.complex.points.size());
+  std::vector<uint32_t> to(made_.complex.points.size()), order(faces().size());
   std::iota(to.begin(), to.end(), 0u);
+  std::iota(order.begin(), order.end(), 0u);
   std::shuffle(to.begin(), to.end(), random_);
-  std::vector<Point> points(to.size());
-  for (size_t v = 0; v < to.size(); ++v) points[to[v]] = made_.complex.points[v];
-  made_.complex.points = points;
-  for (Triangle& t : faces()) {
+  std::shuffle(order.begin(), order.end(), random_);
+  const RandomComplex before = made_;
+  for (size_t v = 0; v < to.size(); ++v) made_.complex.points[to[v]] = before.complex.points[v];
+  for (size_t f = 0; f < order.size(); ++f) {
+    Triangle t = before.complex.triangles[order[f]];
     for (uint32_t& v : t) v = to[v];
     std::rotate(t.begin(), t.begin() + Below(3), t.end());
+    faces()[f] = t;
+    made_.extras[f] = before.extras[order[f]];
   }
-  std::shuffle(faces().begin(), faces().end(), random_);
 }
 
 RandomComplex Maker::Make(Shape shape) {
@@ -379,7 +393,6 @@ RandomComplex Maker::Make(Shape shape) {
     case Shape::kMixture: Mixture(); break;
   }
   Extras();
-  for (int again = Below(3); again > 0; --again) faces().push_back(faces()[0]);
   std::set<Triangle> seen;
   for (Triangle t : faces()) {
     std::rotate(t.begin(), std::min_element(t.begin(), t.end()), t.end());

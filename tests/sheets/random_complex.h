@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <string>
+#include <vector>
 
 #include "tests/sheets/complex.h"
 
@@ -26,9 +27,12 @@ enum class Shape : uint8_t {
 inline constexpr uint32_t kShapes = 10;
 std::string NameOf(Shape shape);
 
+inline constexpr uint32_t kNoExtra = ~uint32_t{0};
 struct RandomComplex {
   Complex complex;          // 20 to 400 triangles
   uint64_t duplicates = 0;  // of these, faces that are there already in the same orientation
+  // Of each triangle, to which of the flaps and crumbs it belongs, from 0 on, or kNoExtra.
+  std::vector<uint32_t> extras;
 };
 
 // Coordinates are multiples of kLatticeStep, and all positions differ. The same seed gives the same
