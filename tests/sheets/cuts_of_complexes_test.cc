@@ -4,7 +4,6 @@
 #include <catch2/catch.hpp>
 #include <cstdlib>
 
-#include "query/session.h"
 #include "tests/builder/fixture.h"
 #include "tests/sheets/cut_check.h"
 #include "tests/sheets/mesh_of.h"

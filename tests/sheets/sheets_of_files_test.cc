@@ -101,9 +101,12 @@ void CheckCuts(const std::string& name, const TriangleMesh& input) {
     CHECK(report.ok());
     const double distance = meter.Distance(cut);
     CHECK(distance <= stats.error_bound * (1 + 1e-9) + 1e-12 * built.record.diagonal());
-    text += (part == 1 ? "; fewest " : "; ") + std::to_string(cut.triangles.size()) +
-            " (measured / promised " +
-            (stats.error_bound > 0 ? std::to_string(distance / stats.error_bound) : "0 / 0") + ")";
+    text +=
+        (part == 1 ? "; fewest " : "; ") + std::to_string(cut.triangles.size()) +
+        " (measured / promised " +
+        (distance > 1e-12 * built.record.diagonal() ? std::to_string(distance / stats.error_bound)
+                                                    : "0 / 0") +
+        ")";
   }
   if (std::getenv("MTDB_PRINT_SHEETS") != nullptr) WARN(text);
 }
