@@ -2,11 +2,13 @@
 #include "tools/generate/generate.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <memory>
 
 #include "codecs/mesh_file/mesh_file.h"
 #include "tools/generate/internal/ply_stream.h"
+#include "tools/generate/internal/sheets.h"
 #include "tools/generate/internal/surface_walker.h"
 #include "tools/generate/internal/terrain.h"
 
@@ -18,9 +20,15 @@ namespace {
 
 constexpr uint64_t kMinTriangles = 100;
 constexpr uint64_t kMaxTriangles = 20'000'000'000;
-// Half as many vertices as triangles, and 32-bit indices.
-constexpr uint64_t kMaxPlySculpture = 8'300'000'000;
-constexpr uint64_t kMaxPlyTerrain = 8'500'000'000;
+
+struct Shape {
+  std::string_view name;
+  Status (*generate)(const GenerateOptions& options, MeshSink& sink);
+  uint64_t most;  // triangles of a PLY file, for half as many vertices and 32-bit indices
+};
+constexpr std::array<Shape, 3> kShapes = {Shape{"sculpture", GenerateSculpture, 8'300'000'000},
+                                          Shape{"terrain", GenerateTerrain, 8'500'000'000},
+                                          Shape{"sheets", GenerateSheets, 8'300'000'000}};
 
 // Trials of larger meshes count a sample of so many triangles, and one in 16 of the rest.
 constexpr double kTrialTriangles = 600'000;
@@ -101,23 +109,29 @@ Status GenerateTerrain(const GenerateOptions& options, MeshSink& sink) {
   return SendTerrain(options.triangles, options.seed, sink);
 }
 
+Status GenerateSheets(const GenerateOptions& options, MeshSink& sink) {
+  MTDB_RETURN_IF_ERROR(CheckCount(options));
+  return SendSheets(options.triangles, options.seed, sink);
+}
+
 Status GenerateFile(std::string_view shape, const GenerateOptions& options,
                     const std::string& output_path, GenerateReport* report) {
   GenerateReport unused;
-  const bool sculpture = shape == "sculpture";
-  if (!sculpture && shape != "terrain") {
-    return InvalidArgument("no shape \"" + std::string(shape) + "\"; choose sculpture or terrain");
+  const auto* const made = std::find_if(kShapes.begin(), kShapes.end(),
+                                        [&](const Shape& each) { return each.name == shape; });
+  if (made == kShapes.end()) {
+    return InvalidArgument("no shape \"" + std::string(shape) +
+                           "\"; choose sculpture, terrain or sheets");
   }
   MTDB_RETURN_IF_ERROR(CheckCount(options));
-  const uint64_t most = sculpture ? kMaxPlySculpture : kMaxPlyTerrain;
-  if (options.triangles > most) {
+  if (options.triangles > made->most) {
     return InvalidArgument(output_path + ": 32-bit PLY indices end at some " +
-                           std::to_string(most) + " triangles; ask for fewer than " +
+                           std::to_string(made->most) + " triangles; ask for fewer than " +
                            std::to_string(options.triangles));
   }
   const auto generate = [&](MeshSink& sink) {
     CountingSink counting(sink, report == nullptr ? &unused : report);
-    return sculpture ? GenerateSculpture(options, counting) : GenerateTerrain(options, counting);
+    return made->generate(options, counting);
   };
   MTDB_ASSIGN_OR_RETURN(const MeshFormat format, WrittenMeshFormatOf(output_path));
   if (format.name == "PLY") {

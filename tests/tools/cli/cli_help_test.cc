@@ -92,7 +92,7 @@ TEST_CASE("every verb explains itself and all its options", "[cli]") {
       {"unpack", {"FILE STORE", "--name", "--force"}},
       {"profile", {"STORE", "--line", "--error"}},
       {"follow", {"URL", "--path", "--output", "--csv", "--reconnect", "docs/protocol.md"}},
-      {"generate", {"SHAPE OUTPUT", "sculpture", "terrain", "--triangles", "--seed"}}};
+      {"generate", {"SHAPE OUTPUT", "sculpture", "terrain", "sheets", "--triangles", "--seed"}}};
   const std::string overview = RunOk({"help"});
   CHECK(overview == RunOk({"--help"}));
   CHECK(Verbs().size() == options.size());

@@ -300,7 +300,7 @@ TEST_CASE("the terrain is a manifold disc with one border") {
 
 TEST_CASE("the same options give the same bytes, another seed others") {
   const Folder folder;
-  for (const char* shape : {"sculpture", "terrain"}) {
+  for (const char* shape : {"sculpture", "terrain", "sheets"}) {
     REQUIRE(GenerateFile(shape, {20'000, 4}, folder.File("a.ply")).ok());
     REQUIRE(GenerateFile(shape, {20'000, 4}, folder.File("b.ply")).ok());
     REQUIRE(GenerateFile(shape, {20'000, 5}, folder.File("c.ply")).ok());
@@ -338,6 +338,8 @@ TEST_CASE("wrong requests and unwritable paths are refused and leave nothing") {
   const std::string path = folder.File("x.ply");
   CHECK(GenerateFile("teapot", {1000, 1}, path).code() == StatusCode::kInvalidArgument);
   CHECK(GenerateFile("sculpture", {99, 1}, path).code() == StatusCode::kInvalidArgument);
+  CHECK(GenerateFile("sheets", {99, 1}, path).code() == StatusCode::kInvalidArgument);
+  CHECK(GenerateFile("sheets", {9'000'000'000, 1}, path).code() == StatusCode::kInvalidArgument);
   CHECK(GenerateFile("terrain", {30'000'000'000, 1}, path).code() == StatusCode::kInvalidArgument);
   CHECK(GenerateFile("sculpture", {9'000'000'000, 1}, path).code() == StatusCode::kInvalidArgument);
   const std::string nowhere = folder.File("no/such/folder/x.ply");
@@ -360,6 +362,7 @@ TEST_CASE("an error of the sink stops the generator") {
   FullSink sink;
   CHECK(GenerateSculpture({2'000, 1}, sink).code() == StatusCode::kNoSpace);
   CHECK(GenerateTerrain({2'000, 1}, sink).code() == StatusCode::kNoSpace);
+  CHECK(GenerateSheets({2'000, 1}, sink).code() == StatusCode::kNoSpace);
 }
 
 }  // namespace

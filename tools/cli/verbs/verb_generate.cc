@@ -37,10 +37,11 @@ Status Generate(const GenerateArguments& arguments) {
 RunVerb AddGenerate(CLI::App* verb) {
   const auto a = std::make_shared<GenerateArguments>();
   verb->add_option("SHAPE", a->shape,
-                   "sculpture (closed, with handles and bumps of all sizes) or terrain (a height "
-                   "field)")
+                   "sculpture (closed, with handles and bumps of all sizes), terrain (a height "
+                   "field) or sheets (not manifold: a closed surface, two-sided on a third of its "
+                   "area, with fins, flaps and crumbs)")
       ->required()
-      ->check(CLI::IsMember({"sculpture", "terrain"}));
+      ->check(CLI::IsMember({"sculpture", "terrain", "sheets"}));
   AddOutput(verb, &a->output);
   const auto parse = [](const std::string& text) -> Result<uint64_t> {
     auto count = ParseCount(text);
