@@ -75,11 +75,11 @@ void AddVerbose(CLI::App* verb, bool* verbose) {
 
 void AddCacheDirectory(CLI::App* verb, OpenOptions* options) {
   CLI::Option* folder =
-      verb->add_option("--cache-dir", options->cache_directory,
+      verb->add_option("--cache-directory", options->cache_directory,
                        "keep what is read of a URL in DIR, so that it need not come again; "
                        "processes may share DIR")
           ->type_name("DIR");
-  AddParsed(verb, "--cache-dir-size", "SIZE", &options->cache_directory_bytes, ParseSize,
+  AddParsed(verb, "--cache-directory-bytes", "SIZE", &options->cache_directory_bytes, ParseSize,
             "keep at most so much there; what was not used for longest goes first")
       ->default_str("4G")
       ->needs(folder);
@@ -97,27 +97,25 @@ void AddAccuracyOptions(CLI::App* verb, QueryOptions* q) {
   const char* group = "How accurate (several: all must hold)";
   auto* full =
       verb->add_flag("--full", q->full, "full resolution: the input's triangles (default)");
-  auto* error = AddParsed(verb, "--error", "E", &q->error, ParseNonNegative,
-                          "coarser: within E of the surface, in model units");
-  auto* relative = AddParsed(verb, "--error-rel", "F", &q->error_relative, ParseNonNegative,
-                             "the same as a fraction of the bounding box's diagonal");
+  auto* error = AddParsed(verb, "--error", "E", &q->error, ParseError,
+                          "coarser: within E of the surface, in model units, or E% of the "
+                          "bounding box's diagonal");
   auto* pixels = AddParsed(verb, "--pixels", "P", &q->pixels, ParsePositive,
                            "what the camera sees is off by at most P pixels");
   auto* at = AddParsedList(
       verb, "--error-at", "LAW,X,Y,Z,BASE,F", &q->errors_at, ErrorAtOption,
       "by the distance r from a point; LAW is linear (BASE + F r), quadratic (BASE + F r^2), sqrt "
       "(BASE + F sqrt r) or exp (BASE exp(F r))");
-  auto* outside = AddParsed(verb, "--error-outside", "E", &q->error_outside, ParseNonNegative,
+  auto* outside = AddParsed(verb, "--error-outside", "E", &q->error_outside, ParseError,
                             "within E outside of the region too, not as coarse as possible");
   auto* triangles = AddParsed(verb, "--triangles", "N", &q->triangles, ParseCount,
                               "at most N triangles, as accurate as they allow");
   auto* bytes = AddParsed(verb, "--max-bytes", "SIZE", &q->max_bytes, ParseSize,
                           "read at most SIZE of the store's clusters, as accurate as they allow");
-  auto* time = AddParsed(verb, "--max-ms", "MS", &q->max_ms, ParseNonNegative,
+  auto* time = AddParsed(verb, "--max-milliseconds", "MS", &q->max_milliseconds, ParseNonNegative,
                          "stop refining after MS milliseconds");
-  for (auto* option : {error, relative, pixels, at, triangles}) full->excludes(option);
-  error->excludes(relative);
-  for (auto* option : {full, error, relative, pixels, at, outside, triangles, bytes, time}) {
+  for (auto* option : {error, pixels, at, triangles}) full->excludes(option);
+  for (auto* option : {full, error, pixels, at, outside, triangles, bytes, time}) {
     option->group(group);
   }
 }
@@ -201,7 +199,8 @@ void AddQueryOptions(CLI::App* verb, QueryArguments* a, bool draws) {
 void AddMeshOptions(CLI::App* verb, QueryArguments* a) {
   verb->add_flag("--normals", a->query.normals,
                  "add the mesh's normals to its vertices (to .off: also those that it has)");
-  verb->add_flag("--double", a->double_positions, "to .ply: positions as float64 in any case");
+  verb->add_flag("--double-positions", a->double_positions,
+                 "to .ply: positions as float64 in any case");
 }
 
 }  // namespace mtdb

@@ -23,12 +23,13 @@ Status CheckOptions(const IngestArguments& a) {
   if (a.lossless) wrong = "--lossless";
   if (a.weld) wrong = "--weld";
   if (a.keep_apart) wrong = "--no-weld";
-  if (a.normal_bits) wrong = "--normals";
-  if (!a.attribute_steps.empty()) wrong = "--attribute";
+  if (a.normal_bits) wrong = "--normal-bits";
+  if (!a.attribute_steps.empty()) wrong = "--attribute-step";
   if (wrong == nullptr) return Status::Ok();
-  return InvalidArgument(std::string(wrong) +
-                         ": is for meshes; a raster's samples lie where they are, and --step-z "
-                         "says to which multiples heights are rounded");
+  return InvalidArgument(
+      std::string(wrong) +
+      ": is for meshes; a raster's samples lie where they are, and --height-step "
+      "says to which multiples heights are rounded");
 }
 
 }  // namespace
@@ -56,7 +57,7 @@ Result<std::unique_ptr<RasterIngest>> RasterIngest::Open(const IngestArguments& 
   if (rasters == 0) {
     if (arguments.fill) return InvalidArgument("--fill: closes holes of rasters, not of meshes");
     if (!arguments.step_z) return std::unique_ptr<RasterIngest>();
-    return InvalidArgument("--step-z: is for rasters; --step rounds the positions of a mesh");
+    return InvalidArgument("--height-step: is for rasters; --step rounds the positions of a mesh");
   }
   MTDB_RETURN_IF_ERROR(CheckOptions(arguments));
   std::vector<std::unique_ptr<RasterReader>> files;
@@ -92,7 +93,7 @@ std::vector<std::string> RasterIngest::Notes() const {
   const RasterMeshReport& r = input_->report();
   if (input_->height_step_reason() == HeightStepReason::kChosen) {
     notes.push_back(
-        Formatted("heights are rounded to steps of %.9g: %s; --step-z chooses other steps",
+        Formatted("heights are rounded to steps of %.9g: %s; --height-step chooses other steps",
                   input_->height_step(), HeightStepReasonText(input_->height_step_reason())));
   }
   if (r.filled.holes > 0 || r.filled.left > 0) {

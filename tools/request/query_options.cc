@@ -28,6 +28,10 @@ Result<Json> CheckedRegion(const std::string& text, Json region) {
   return Checked(text, std::move(region), status);
 }
 
+Json ThresholdOf(const AskedError& error) {
+  return error.relative ? Json{{"relative", error.value}} : Json(error.value);
+}
+
 // One part as it is, several as the list of a part that puts them together.
 Json Together(const char* key, Json::Array parts) {
   if (parts.size() == 1) return std::move(parts[0]);
@@ -134,8 +138,7 @@ Result<Json> ErrorAtOption(const std::string& text) {
 
 Status CheckOptions(const QueryOptions& o, bool draws) {
   const bool region = o.frustum || !o.regions.empty();
-  const bool threshold =
-      o.full || o.error || o.error_relative || o.pixels || o.error_outside || !o.errors_at.empty();
+  const bool threshold = o.full || o.error || o.pixels || o.error_outside || !o.errors_at.empty();
   const auto wrong = [](const std::string& option, const char* why) {
     return InvalidArgument(option + ": " + why);
   };
@@ -201,8 +204,7 @@ Result<Json> QueryOf(const QueryOptions& o, const Extent& viewport) {
     if (!regions.empty()) region = Together(o.intersect ? "intersection" : "union", regions);
     if (o.outside) region = {{"outside", region}};
     Json::Array thresholds = o.errors_at;
-    if (o.error) thresholds.push_back(*o.error);
-    if (o.error_relative) thresholds.push_back({{"relative", *o.error_relative}});
+    if (o.error) thresholds.push_back(ThresholdOf(*o.error));
     if (o.pixels) {
       thresholds.push_back(
           {{"screen", {{"camera", CameraOf(o, viewport)}, {"pixels", *o.pixels}}}});
@@ -211,7 +213,9 @@ Result<Json> QueryOf(const QueryOptions& o, const Extent& viewport) {
     Json threshold = Together("smallest", thresholds);
     if (o.error_outside) {
       threshold = {{"by_region",
-                    {{"region", region}, {"inside", threshold}, {"outside", *o.error_outside}}}};
+                    {{"region", region},
+                     {"inside", threshold},
+                     {"outside", ThresholdOf(*o.error_outside)}}}};
     } else if (!regions.empty()) {
       query["region"] = region;
     }
@@ -219,7 +223,7 @@ Result<Json> QueryOf(const QueryOptions& o, const Extent& viewport) {
   }
   if (o.triangles) query["max_triangles"] = *o.triangles;
   if (o.max_bytes) query["max_bytes"] = *o.max_bytes;
-  if (o.max_ms) query["max_milliseconds"] = *o.max_ms;
+  if (o.max_milliseconds) query["max_milliseconds"] = *o.max_milliseconds;
   if (o.clip) query["clip"] = true;
   if (o.normals) query["normals"] = true;
   return query;

@@ -16,14 +16,13 @@ namespace mtdb {
 // Parts of a query are as docs/query.md has them.
 struct QueryOptions {
   bool full = false;
-  std::optional<double> error;           // model units
-  std::optional<double> error_relative;  // of the diagonal
+  std::optional<AskedError> error;
   std::optional<double> pixels;
-  Json::Array errors_at;                // thresholds by distance from a point
-  std::optional<double> error_outside;  // of the regions
+  Json::Array errors_at;                    // thresholds by distance from a point
+  std::optional<AskedError> error_outside;  // of the regions
   std::optional<uint64_t> triangles;
   std::optional<uint64_t> max_bytes;
-  std::optional<double> max_ms;
+  std::optional<double> max_milliseconds;
   bool normals = false;
 
   Json::Array regions;

@@ -97,8 +97,8 @@ TEST_CASE("an ASCII grid keeps its decimals, its place and its holes", "[cli]") 
     REQUIRE(r == std::floor(r));
     CHECK(height == Approx(heights[static_cast<size_t>(r * kColumns + c)]).epsilon(1e-12));
   }
-  CHECK(RunJson({"ingest", file, store, "--name", "rough", "--step-z", "2"}).at("rounding_error") <=
-        1.0001);
+  CHECK(RunJson({"ingest", file, store, "--name", "rough", "--height-step", "2"})
+            .at("rounding_error") <= 1.0001);
 }
 
 TEST_CASE("heights of so many steps that float32 cannot count them come back", "[cli]") {
@@ -148,8 +148,8 @@ TEST_CASE("rasters that are none, or not of one grid, are refused with the reaso
   refused({f("word.asc"), store}, "row 1, column 1: expected a number, found 'four'");
   refused({f("one.asc"), store}, "no three heights beside each other");
   refused({f("N11E007.hgt"), f("m.off"), store}, "is no raster");
-  refused({f("N11E007.hgt"), store, "--bits", "12"}, "--step-z");
-  refused({f("m.off"), store, "--step-z", "1"}, "is for rasters");
+  refused({f("N11E007.hgt"), store, "--bits", "12"}, "--height-step");
+  refused({f("m.off"), store, "--height-step", "1"}, "is for rasters");
   refused({f("dem.tif"), store}, MTDB_TEST_GDAL != 0 ? "dem.tif" : "without GDAL");
 }
 
@@ -247,7 +247,7 @@ TEST_CASE("a mesh that is a height field becomes a terrain, and another one is r
   CHECK(dry.exit_code == 1);
   CHECK(dry.err.substr(dry.err.find("s.ply")) == folded.err.substr(folded.err.find("s.ply")));
   CHECK_THAT(
-      Run({"ingest", folder.File("m_ply.ply"), store, "--terrain", "--lossless", "--force"}).err,
+      Run({"ingest", folder.File("m_ply.ply"), store, "--terrain", "--lossless", "--replace"}).err,
       Catch::Contains("--lossless"));
 }
 
@@ -366,7 +366,7 @@ TEST_CASE("a GeoTIFF has all heights and holes, whatever type and nodata value t
     RunOk(inputs);
     extract(store, "direct.asc");
     extract(store, "dem.tif");
-    const Json report = RunJson({"ingest", f("dem.tif"), again, "--step-z", "0.01"});
+    const Json report = RunJson({"ingest", f("dem.tif"), again, "--height-step", "0.01"});
     extract(again, "indirect.asc");
     CHECK(report.at("raster").at("sample_type") == type);
     CHECK(report.at("raster_input").at("holes") == holes);

@@ -218,7 +218,7 @@ TEST_CASE("a background of one colour is just that, and a transparent one is not
 
 TEST_CASE("an attribute's values are the legend's colours") {
   RenderOptions options = Plain();
-  options.colour_by = ColourBy::kAttribute;
+  options.colour = ColourBy::kAttribute;
   options.attribute = "height";
   const RenderImage image = Render(Wall(), options);
   REQUIRE(image.range);
@@ -249,7 +249,7 @@ TEST_CASE("an attribute's values are the legend's colours") {
 
 TEST_CASE("normals are colours: what faces the viewer of the front is 127, 0, 127") {
   RenderOptions options = Plain();
-  options.colour_by = ColourBy::kNormal;
+  options.colour = ColourBy::kNormal;
   const Rgb shown = Pixel(Render(Wall(), options), 100, 100);
   CHECK(Distance(shown, {127, 0, 127}) < 6);
 }
@@ -260,7 +260,7 @@ TEST_CASE("colours of the error are distances from the reference") {
   roof.positions = {{-1, 0, -1}, {-1, 0, 1}, {0, 0.2, -1}, {0, 0.2, 1}, {1, 0, -1}, {1, 0, 1}};
   roof.triangles = {{0, 2, 1}, {1, 2, 3}, {2, 4, 3}, {3, 4, 5}};
   RenderOptions options = Plain();
-  options.colour_by = ColourBy::kDistance;
+  options.colour = ColourBy::kDistance;
   options.reference = &roof;
   const RenderImage image = Render(Wall(), options);
   const double most = 0.2 / std::sqrt(1 + 0.2 * 0.2);
@@ -352,7 +352,7 @@ TEST_CASE("a scale bar is as long as it says") {
 
 TEST_CASE("a legend is drawn at the right, and only when asked for") {
   RenderOptions options = Plain();
-  options.colour_by = ColourBy::kAttribute;
+  options.colour = ColourBy::kAttribute;
   options.attribute = "height";
   const RenderImage without = Render(Wall(), options);
   options.legend = true;

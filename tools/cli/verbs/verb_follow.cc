@@ -190,7 +190,7 @@ RunVerb AddFollow(CLI::App* verb) {
                    "write a table of bytes, milliseconds and triangles, a row a step")
       ->type_name("FILE");
   AddName(verb, &a->name);
-  verb->add_option("--remember", a->remembered_vertices,
+  verb->add_option("--remembered-vertices", a->remembered_vertices,
                    "remember N removed vertices, so that they need not come again")
       ->type_name("N")
       ->check(CLI::Range(0u, 1u << 24))

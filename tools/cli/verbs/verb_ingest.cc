@@ -265,7 +265,7 @@ Status Ingest(const IngestArguments& arguments) {
   // To go on with what was published before it was killed is to publish the same again.
   const bool finished = Finished(options, store, name);
   if (!arguments.quiet && !arguments.json) SayResumable(options, name);
-  LateWriter writer(arguments.store, name, arguments.force || (finished && arguments.resume));
+  LateWriter writer(arguments.store, name, arguments.replace || (finished && arguments.resume));
   MTDB_RETURN_IF_ERROR(writer.Check());
   if (arguments.dry_run) return Survey(arguments);
   ProgressLine progress(arguments.quiet || arguments.json);
@@ -296,7 +296,7 @@ Status Ingest(const IngestArguments& arguments) {
     if (report.journal_left) {
       const StatusCode code = record.status().code();
       return Status(code, record.status().message() + "; the same command with --resume" +
-                              (code == StatusCode::kAlreadyExists ? " --force" : "") +
+                              (code == StatusCode::kAlreadyExists ? " --replace" : "") +
                               " goes on where it stopped");
     }
     return WithFile(arguments, record.status());
@@ -366,7 +366,7 @@ void AddRounding(CLI::App* verb, IngestArguments* a) {
                    ->check(CLI::Range(1, 24));
   auto* step = AddParsed(verb, "--step", "S", &a->step, ParsePositive,
                          "round positions to multiples of S model units instead");
-  AddParsed(verb, "--step-z", "S", &a->step_z, ParsePositive,
+  AddParsed(verb, "--height-step", "S", &a->step_z, ParsePositive,
             "rasters: round heights to multiples of S (default: integers and decimals as they are "
             "written; other floats so that rounding is small beside their range and differences; "
             "'mtdb info FILE' says it)");
@@ -405,13 +405,13 @@ void AddWeld(CLI::App* verb, IngestArguments* a) {
 }
 
 void AddAttributes(CLI::App* verb, IngestArguments* a) {
-  verb->add_option("--normals", a->normal_bits,
+  verb->add_option("--normal-bits", a->normal_bits,
                    "keep of normals (nx, ny, nz) the direction only, in N bits a component, N from "
                    "4 to 16, e.g. 10 (default: lossless)")
       ->type_name("N")
       ->check(CLI::Range(4, 16));
   AddParsedList(
-      verb, "--attribute", "NAME=STEP", &a->attribute_steps, ParseAttributeStep,
+      verb, "--attribute-step", "NAME=STEP", &a->attribute_steps, ParseAttributeStep,
       "round a float attribute to multiples of a step (default: lossless); may be repeated");
   AddParsed(verb, "--up", "AXIS", &a->up, ParseUp,
             "what is up in pictures and in the viewer: x, y, z, -x, -y, -z (as --up=-y), or a "
@@ -433,7 +433,7 @@ void AddWork(CLI::App* verb, IngestArguments* a) {
   AddParsed(verb, "--max-tmp", "SIZE", &a->max_tmp_bytes, ParseSize,
             "temporary files and the journal take at most so much (default: all there is)");
   verb->add_flag("--resume", a->resume, "go on where an interrupted ingest of this input stopped");
-  verb->add_flag("--force", a->force, "replace an object of that name");
+  verb->add_flag("--replace", a->replace, "replace an object of that name");
   verb->add_flag("--dry-run", a->dry_run,
                  "store nothing; tell what the mesh is like, which accuracy suits it, and what it "
                  "takes")

@@ -21,7 +21,7 @@ struct PackArguments {
   OpenOptions open;  // of `from`
   std::string to;
   std::vector<std::string> names;  // none: all
-  bool force = false;              // unpack: replaces objects
+  bool replace = false;            // unpack: replaces objects
   bool json = false;
 };
 // The given ones in their order; without any, all by name.
@@ -90,7 +90,7 @@ Status Unpack(const PackArguments& arguments) {
                           Database::Open(arguments.to, {.writable = true}));
     for (const auto& source : sources) {
       MTDB_RETURN_IF_ERROR(
-          CopyObject(*source, *store, source->record().name, arguments.force).status());
+          CopyObject(*source, *store, source->record().name, arguments.replace).status());
     }
   } else {
     MTDB_RETURN_IF_ERROR(CopyToNewStore(sources, arguments.to));
@@ -128,7 +128,7 @@ RunVerb AddUnpack(CLI::App* verb) {
   verb->add_option("FILE", a->from, "the packed file, or its URL")->required();
   IsWritten(verb->add_option("STORE", a->to, "the store; made if it is not there"))->required();
   AddNamesAndJson(verb, a.get());
-  verb->add_flag("--force", a->force, "replace objects of the same names");
+  verb->add_flag("--replace", a->replace, "replace objects of the same names");
   AddCacheDirectory(verb, &a->open);
   return [a](Invocation&) { return Unpack(*a); };
 }

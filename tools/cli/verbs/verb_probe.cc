@@ -16,7 +16,6 @@ namespace {
 
 void PrintProbe(const ProbeArguments& arguments, const ObjectRecord& record,
                 const ProbeAnswer& answer, double seconds) {
-  const char* const measure = arguments.ray ? "parameter" : "distance";
   if (arguments.json) {
     Json json = ProbeJson(record, answer, arguments.ray.has_value());
     json["seconds"] = {{"total", seconds}};
@@ -25,8 +24,8 @@ void PrintProbe(const ProbeArguments& arguments, const ObjectRecord& record,
   }
   if (answer.hit) {
     const ProbeHit& hit = *answer.hit;
-    std::printf("%.9g %.9g %.9g: %s %.9g, from %s, error at most %.6g\n", hit.point.x, hit.point.y,
-                hit.point.z, measure, hit.distance, hit.front ? "outside" : "inside",
+    std::printf("%.9g %.9g %.9g: distance %.9g, from %s, error at most %.6g\n", hit.point.x,
+                hit.point.y, hit.point.z, hit.distance, hit.front ? "outside" : "inside",
                 answer.error_bound);
     if (answer.excess > 0) {
       std::printf(
@@ -52,7 +51,7 @@ Status Probe(const ProbeArguments& arguments) {
                         database->OpenObject(arguments.name));
   MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Surface> surface, Surface::Open(std::move(source)));
   ProbeOptions options;
-  if (arguments.error) options.error_model = *arguments.error;
+  options.error_model = ErrorModelOf(arguments.error, surface->record().diagonal());
   if (arguments.limit) options.limit = *arguments.limit;
   Result<ProbeAnswer> answer =
       arguments.ray ? CastRay(*surface, arguments.ray->origin, arguments.ray->direction, options)
@@ -83,8 +82,9 @@ RunVerb AddProbe(CLI::App* verb) {
       ->excludes("--point")
       ->excludes("--ray")
       ->excludes("--height");
-  AddParsed(verb, "--error", "E", &a->error, ParseNonNegative,
-            "on a surface within E of the input, in model units (default: full resolution)");
+  AddParsed(verb, "--error", "E", &a->error, ParseError,
+            "on a surface within E of the input, in model units, or E% of the diagonal (default: "
+            "full resolution)");
   AddParsed(verb, "--limit", "D", &a->limit, ParseNonNegative,
             "look no farther: a distance, or for rays a multiple of the direction");
   AddJson(verb, &a->json);

@@ -49,11 +49,11 @@ void Stretch(Vec3d scale, TriangleMesh* mesh) {
 // north-west, and without a view or a camera from above.
 void DrawAsMap(const QueryArguments& arguments, const ObjectRecord& record,
                RenderOptions* options) {
-  if (IsTerrain(record) && options->colour_by == ColourBy::kVertexColours) {
-    options->colour_by = options->drape ? ColourBy::kNothing : ColourBy::kHeight;
+  if (IsTerrain(record) && options->colour == ColourBy::kVertexColours) {
+    options->colour = options->drape ? ColourBy::kNothing : ColourBy::kHeight;
     options->hillshade = true;
   }
-  if (options->colour_by != ColourBy::kHeight) return;
+  if (options->colour != ColourBy::kHeight) return;
   options->height_scale = arguments.exaggerate;
   if (record.raster) options->height_units = record.raster->height_units;
   if (!options->range) options->range = {record.bounds.min.z, record.bounds.max.z};
@@ -63,7 +63,7 @@ void DrawAsMap(const QueryArguments& arguments, const ObjectRecord& record,
 Status ReadImage(const QueryArguments& arguments, const ObjectRecord& record,
                  RenderOptions* options) {
   if (arguments.drape.empty()) return Status::Ok();
-  if (options->colour_by >= ColourBy::kNormal && options->colour_by != ColourBy::kHeight) {
+  if (options->colour >= ColourBy::kNormal && options->colour != ColourBy::kHeight) {
     return InvalidArgument(
         "--drape: does not go with --colour error, normal or an attribute, whose colours stand for "
         "values");
@@ -131,9 +131,9 @@ std::string ColourText(const RenderOptions& options, const std::array<double, 2>
                        const ExtractStats& reference) {
   char line[400];
   std::string what = options.attribute;
-  if (options.colour_by == ColourBy::kHeight)
+  if (options.colour == ColourBy::kHeight)
     what = options.height_units.empty() ? "height" : "height in " + options.height_units;
-  if (options.colour_by == ColourBy::kDistance) {
+  if (options.colour == ColourBy::kDistance) {
     std::snprintf(line, sizeof(line),
                   "how far the picture's surface is from the best one of %s triangles",
                   Grouped(reference.triangles).c_str());
@@ -172,7 +172,7 @@ Status Render(const QueryArguments& arguments) {
   options.height = arguments.size.height;
   MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Surface> surface, OpenSurface(arguments));
   const Vec3d scale = PictureScale(surface->record(), arguments);
-  if (options.colour_by == ColourBy::kDistance && arguments.exaggerate != 1) {
+  if (options.colour == ColourBy::kDistance && arguments.exaggerate != 1) {
     return InvalidArgument("--exaggerate: does not go with --colour error, which measures");
   }
   MTDB_RETURN_IF_ERROR(ReadImage(arguments, surface->record(), &options));
@@ -186,7 +186,7 @@ Status Render(const QueryArguments& arguments) {
   const Clock::time_point drawn = Clock::now();
   MTDB_RETURN_IF_ERROR(ChooseView(arguments, *surface, query.clip, &options));
   ExtractStats reference_stats;
-  if (options.colour_by == ColourBy::kDistance) {
+  if (options.colour == ColourBy::kDistance) {
     Query best;
     best.max_triangles = kReferenceTriangles;
     MTDB_ASSIGN_OR_RETURN(reference_stats, surface->Extract(best, reference_sink));
@@ -237,15 +237,15 @@ Result<std::array<double, 2>> ParseRange(const std::string& text) {
 void SetColouring(const std::string& text, RenderOptions* picture) {
   constexpr std::string_view kAttribute = "attribute:";
   if (text == "none") {
-    picture->colour_by = ColourBy::kNothing;
+    picture->colour = ColourBy::kNothing;
   } else if (text == "normal") {
-    picture->colour_by = ColourBy::kNormal;
+    picture->colour = ColourBy::kNormal;
   } else if (text == "height") {
-    picture->colour_by = ColourBy::kHeight;
+    picture->colour = ColourBy::kHeight;
   } else if (text == "error") {
-    picture->colour_by = ColourBy::kDistance;
+    picture->colour = ColourBy::kDistance;
   } else {
-    picture->colour_by = ColourBy::kAttribute;
+    picture->colour = ColourBy::kAttribute;
     picture->attribute = text.starts_with(kAttribute) ? text.substr(kAttribute.size()) : text;
   }
 }
@@ -340,8 +340,8 @@ RunVerb AddRender(CLI::App* verb) {
 
 const Verb kRenderVerb{
     "render", "draw what extract would write",
-    "Examples: mtdb render scans.mtdb coarse.png --error-rel 0.002 --wireframe\n"
-    "          mtdb render scans.mtdb error.png --colour error --error-rel 0.002 "
+    "Examples: mtdb render scans.mtdb coarse.png --error 0.2% --wireframe\n"
+    "          mtdb render scans.mtdb error.png --colour error --error 0.2% "
     "--view top\n"
     "Where the surface is blue, its back is seen: the inside of an open scan, or "
     "triangles whose orientation\nis wrong in the input. More: docs/guide.md",

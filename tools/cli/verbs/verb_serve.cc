@@ -39,11 +39,11 @@ void AddServeTimes(CLI::App* verb, ServerOptions* o) {
   AddParsed(verb, "--grace", "SECONDS", &o->grace_seconds, ParseSeconds,
             "when told to stop, let running requests finish for so long")
       ->default_str("5");
-  verb->add_option("--allow-origin", o->allowed_origin,
+  verb->add_option("--allowed-origin", o->allowed_origin,
                    "let web pages of this origin open sessions, e.g. http://localhost:3000; * is "
                    "any (default: those that come from the server's own address only)")
       ->type_name("ORIGIN");
-  verb->add_option("--allow-host", o->allowed_hosts,
+  verb->add_option("--allowed-host", o->allowed_hosts,
                    "let clients call the server by this name, e.g. scans.example.org; * is any "
                    "(default: by address and localhost only)")
       ->type_name("NAME");

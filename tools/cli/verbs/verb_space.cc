@@ -21,7 +21,7 @@ struct SpaceArguments {
   std::string store;
   std::string target;              // copy: another store
   std::vector<std::string> names;  // remove, copy: the objects (copy: none are all); rename: both
-  bool force = false;              // copy: replace objects of the same names
+  bool replace = false;            // copy: replace objects of the same names
   bool json = false;
   bool quiet = false;  // no progress
 };
@@ -94,10 +94,10 @@ Status CopyInto(const SpaceArguments& arguments, const ObjectSources& wanted,
     const Result<ObjectRecord> there = target->Find(record.name);
     if (there.ok() && IsEqual(*there, record)) {
       done->unchanged.push_back(record.name);
-    } else if (there.ok() && !arguments.force) {
+    } else if (there.ok() && !arguments.replace) {
       return {StatusCode::kAlreadyExists,
               arguments.target + ": has another object " + record.name +
-                  "; give --force to replace it, or rename one of the two; nothing was copied"};
+                  "; give --replace to replace it, or rename one of the two; nothing was copied"};
     } else if (!there.ok() && there.status().code() != StatusCode::kNotFound) {
       return there.status();
     } else {
@@ -107,7 +107,7 @@ Status CopyInto(const SpaceArguments& arguments, const ObjectSources& wanted,
   }
   for (const auto& object : missing) {
     MTDB_RETURN_IF_ERROR(
-        CopyObject(*object, *target, object->record().name, arguments.force, progress).status());
+        CopyObject(*object, *target, object->record().name, arguments.replace, progress).status());
   }
   return Status::Ok();
 }
@@ -258,7 +258,7 @@ RunVerb AddCopy(CLI::App* verb) {
   AddStore(verb, &a->store);
   IsWritten(verb->add_option("TARGET", a->target, "the other store"))->required();
   verb->add_option("NAME", a->names, "the objects (default: all)")->expected(0, 1 << 20);
-  verb->add_flag("--force", a->force, "replace objects of TARGET that differ");
+  verb->add_flag("--replace", a->replace, "replace objects of TARGET that differ");
   AddJson(verb, &a->json);
   return Running<Copy>(std::move(a));
 }
@@ -285,7 +285,7 @@ const Verb kCopyVerb{
     "copy", "copy objects into another store, or make a backup",
     "A TARGET that is not there appears when the copy is complete, with what STORE had at one "
     "moment.\nInto one that is there go the objects that it has not; an object that differs "
-    "under\nthe same name is an error, or replaced with --force.\n"
+    "under\nthe same name is an error, or replaced with --replace.\n"
     "Examples: mtdb copy scans.mtdb backup.mtdb\n"
     "          mtdb copy scans.mtdb museum.mtdb statue vase",
     AddCopy};

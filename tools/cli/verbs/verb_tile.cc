@@ -216,7 +216,7 @@ RunVerb AddTile(CLI::App* verb) {
             "(default: a quarter of the machine's)");
   verb->add_option("--tmp", a->tmp, "folder of temporary files (default: FOLDER)")
       ->type_name("DIR");
-  verb->add_flag("--force", a->force, "replace tiles of another object, version or accuracy");
+  verb->add_flag("--replace", a->force, "replace tiles of another object, version or accuracy");
   AddJson(verb, &a->json);
   AddCacheDirectory(verb, &a->open);
   return [a](Invocation& invocation) {

@@ -87,7 +87,7 @@ RunVerb AddView(CLI::App* verb) {
                        "only write the page's files into DIR, for any web server: beside them, "
                        "index.html?src=FILE shows a packed file")
           ->type_name("DIR");
-  verb->add_option("--allow-source", a->sources,
+  verb->add_option("--allowed-source", a->sources,
                    "let the page of --write-page also read files of ORIGIN, as "
                    "https://example.org (repeatable)")
       ->type_name("ORIGIN")

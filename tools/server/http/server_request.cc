@@ -77,14 +77,13 @@ Status Append(Json::Array* values, Parse parse, const std::string& text) {
 
 Status SetParameter(const std::string& name, const std::string& text, QueryOptions* q) {
   if (name == "full") return Set(&q->full, ParseFlag, text);
-  if (name == "error") return Set(&q->error, ParseNonNegative, text);
-  if (name == "error-rel") return Set(&q->error_relative, ParseNonNegative, text);
+  if (name == "error") return Set(&q->error, ParseError, text);
   if (name == "pixels") return Set(&q->pixels, ParsePositive, text);
   if (name == "error-at") return Append(&q->errors_at, ErrorAtOption, text);
-  if (name == "error-outside") return Set(&q->error_outside, ParseNonNegative, text);
+  if (name == "error-outside") return Set(&q->error_outside, ParseError, text);
   if (name == "triangles") return Set(&q->triangles, ParseCount, text);
   if (name == "max-bytes") return Set(&q->max_bytes, ParseSize, text);
-  if (name == "max-ms") return Set(&q->max_ms, ParseNonNegative, text);
+  if (name == "max-milliseconds") return Set(&q->max_milliseconds, ParseNonNegative, text);
   if (name == "normals") return Set(&q->normals, ParseFlag, text);
   if (name == "box") return Append(&q->regions, BoxOption, text);
   if (name == "sphere") return Append(&q->regions, SphereOption, text);
@@ -107,11 +106,9 @@ Status SetParameter(const std::string& name, const std::string& text, QueryOptio
 }
 
 Status CheckExclusions(const QueryOptions& q) {
-  if (q.full && (q.error || q.error_relative || q.pixels || !q.errors_at.empty() || q.triangles)) {
-    return InvalidArgument(
-        "full: does not go with error, error-rel, pixels, error-at or triangles");
+  if (q.full && (q.error || q.pixels || !q.errors_at.empty() || q.triangles)) {
+    return InvalidArgument("full: does not go with error, pixels, error-at or triangles");
   }
-  if (q.error && q.error_relative) return InvalidArgument("error: does not go with error-rel");
   return CheckOptions(q, false);
 }
 
@@ -168,10 +165,11 @@ Result<MeshRequest> ParseMeshRequest(const RequestTarget& target, const std::str
       request.format = value;
       continue;
     }
-    if (name == "double") {
+    if (name == "double-positions") {
       request.double_positions = value.empty() || value == "true";
       if (!request.double_positions && value != "false") {
-        return InvalidArgument("double: expected true, false or nothing, found '" + value + "'");
+        return InvalidArgument("double-positions: expected true, false or nothing, found '" +
+                               value + "'");
       }
       continue;
     }
@@ -179,9 +177,10 @@ Result<MeshRequest> ParseMeshRequest(const RequestTarget& target, const std::str
     if (!status.ok()) return InvalidArgument(name + ": " + status.message());
   }
   if (!body.empty()) {
-    if (seen.size() > seen.count("format") + seen.count("double")) {
+    if (seen.size() > seen.count("format") + seen.count("double-positions")) {
       return InvalidArgument(
-          "the body holds the query: give no other parameters than format and double beside it");
+          "the body holds the query: give no other parameters than format and double-positions "
+          "beside it");
     }
     Result<Json> json = ParseQueryText(body);
     if (!json.ok()) return InvalidArgument("body: " + json.status().message());
@@ -205,7 +204,7 @@ Result<ProbeRequest> ParseProbeRequest(const RequestTarget& target) {
     } else if (name == "ray") {
       status = Set(&request.ray, ParseRay, text);
     } else if (name == "error") {
-      status = Set(&request.options.error_model, ParseNonNegative, text);
+      status = Set(&request.error, ParseError, text);
     } else if (name == "limit") {
       status = Set(&request.options.limit, ParseNonNegative, text);
     } else {
