@@ -214,6 +214,7 @@ void PrintNotes(const std::vector<std::string>& notes) {
 
 Status Survey(const IngestArguments& arguments) {
   MTDB_RETURN_IF_ERROR(CheckNoPicture(arguments.inputs));
+  MTDB_RETURN_IF_ERROR(CheckNoStore(arguments.inputs));
   BuildOptions options = OptionsOf(arguments, RealStorePath(arguments.store));
   std::vector<std::string> notes;
   MTDB_ASSIGN_OR_RETURN(const std::unique_ptr<RasterIngest> raster,
@@ -247,6 +248,7 @@ namespace {
 
 Status Ingest(const IngestArguments& arguments) {
   MTDB_RETURN_IF_ERROR(CheckNoPicture(arguments.inputs));
+  MTDB_RETURN_IF_ERROR(CheckNoStore(arguments.inputs));
   const std::string store = RealStorePath(arguments.store);
   BuildOptions options = OptionsOf(arguments, store);
   const std::string name = arguments.name.empty() ? Stem(arguments.inputs[0]) : arguments.name;

@@ -17,6 +17,7 @@
 #include "tools/cli/grouped.h"
 #include "tools/cli/options.h"
 #include "tools/cli/raster_ingest.h"
+#include "tools/cli/raster_text.h"
 #include "tools/cli/verbs.h"
 #include "tools/cli/verbs/ingest_arguments.h"
 #include "tools/cli/verbs/ingest_journal.h"
@@ -73,12 +74,11 @@ Result<BitsPerVertex> MeasureStreams(const Database& database, const ObjectRecor
 // The raster that the object was, as it came.
 void PrintRaster(const ObjectRecord& r) {
   const RasterFrame& f = *r.raster;
-  const auto& g = f.geotransform;
-  std::printf("  raster       %u columns, %u rows, %s, a sample stands for %s\n", f.columns, f.rows,
-              Printable(f.sample_type).c_str(), f.is_area ? "its pixel" : "a point");
-  std::printf("  geotransform %.17g %.17g %.17g %.17g %.17g %.17g, of %s\n", g[0], g[1], g[2], g[3],
-              g[4], g[5], f.transform_of_samples ? "samples" : "the corners of pixels");
-  std::printf("  heights      steps of %.9g %s", r.grid.step, Printable(f.height_units).c_str());
+  std::printf("  raster       %s\n", RasterSizeText(f).c_str());
+  std::printf("  samples      %s\n", SamplePlacesText(f).c_str());
+  const std::string units = f.height_units.empty() ? "" : " " + Printable(f.height_units);
+  std::printf("  heights      %.9g to %.9g%s, in steps of %.9g", r.bounds.min.z, r.bounds.max.z,
+              units.c_str(), r.grid.step);
   if (!f.vertical_datum.empty()) std::printf(", datum %s", Printable(f.vertical_datum).c_str());
   if (f.nodata) std::printf(", nodata was %.9g", *f.nodata);
   std::printf(", rounded by up to %.6g\n", r.rounding_error);
