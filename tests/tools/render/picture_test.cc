@@ -190,9 +190,12 @@ TEST_CASE("views look from the sides that they are named after") {
   // The front is below in a view from the top, and above in one from the bottom.
   CHECK(Length(UpOfView({0, 0, -1}, z) - Vec3d{0, 1, 0}) < 1e-9);
   CHECK(Length(UpOfView({0, 0, 1}, z) - Vec3d{0, -1, 0}) < 1e-9);
-  // A wall along y is seen from its broad side.
-  const std::vector<Vec3d> wall{{0, 0, 0}, {1, 9, 3}};
-  CHECK(std::fabs(ViewDirection("auto", z, wall).x) > 0.8);
+  // A wall along y is seen from its broad side, and nothing from behind.
+  const std::vector<Vec3d> wall{{0, 0, 0}, {1, 9, 3}}, head{{0, 0, 0}, {2, 3, 5}};
+  CHECK(ViewDirection("auto", z, wall).x < -0.8);
+  CHECK(ViewDirection("auto", z, wall).y > 0.3);
+  CHECK(ViewDirection("auto", z, head).y > 0.8);
+  CHECK(ViewDirection("auto", y, head).z < -0.8);
 }
 
 TEST_CASE("a background of one colour is just that, and a transparent one is not there") {
