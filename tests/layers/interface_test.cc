@@ -433,7 +433,9 @@ std::map<std::string, Names> NamesOf(const Texts& texts) {
     names["TypeScript"].insert(name);
   }
   for (const auto& [path, text] : texts) {
-    if (!path.starts_with("tools/cli/") || !IsCode(path)) continue;
+    const bool declares =
+        path.starts_with("tools/cli/") || path == "tools/request/query_options.cc";
+    if (!declares || !IsCode(path)) continue;
     for (const auto& option : Matches(Separate(text).code, "\"(-[a-zA-Z],)?(--[a-z][a-z-]*)\""))
       names["command line"].insert(option[2]);
   }

@@ -122,19 +122,9 @@ void AddAccuracyOptions(CLI::App* verb, QueryOptions* q) {
 
 void AddRegionOptions(CLI::App* verb, QueryOptions* q) {
   const char* group = "Where (several: in any of them; elsewhere as coarse as possible)";
-  const auto add = [&](const char* name, const char* form, auto parse, const char* description) {
-    AddParsedList(verb, name, form, &q->regions, parse, description)->group(group);
-  };
-  add("--box", "X0,Y0,Z0,X1,Y1,Z1", BoxOption, "a box, by two corners");
-  add("--sphere", "X,Y,Z,R", SphereOption, "a ball, by centre and radius");
-  add("--half-space", "X,Y,Z,NX,NY,NZ", HalfSpaceOption,
-      "what is behind the plane through X,Y,Z that faces NX,NY,NZ");
-  add("--prism", "X0,Y0,X1,Y1,...", PrismOption, "above and below a polygon");
-  add("--wedge", "X,Y,DX,DY,ANGLE[,FAR]", WedgeOption,
-      "above and below a wedge at X,Y that looks along DX,DY, ANGLE degrees wide");
-  add("--point", "X,Y,Z", PointRegionOption, "a point");
-  add("--segment", "X0,Y0,Z0,X1,Y1,Z1", SegmentOption, "a segment: a line of sight");
-  add("--tube", "R,X0,Y0,Z0,X1,Y1,Z1,...", TubeOption, "what is within R of a line through points");
+  for (const RegionOption& o : RegionOptions()) {
+    AddParsedList(verb, o.name, o.form, &q->regions, o.parse, o.description)->group(group);
+  }
   verb->add_flag("--frustum", q->frustum, "what the camera sees")->group(group);
   verb->add_flag("--intersect", q->intersect, "what lies in all of the regions, not in any")
       ->group(group);

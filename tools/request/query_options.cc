@@ -46,14 +46,6 @@ Result<Json> ReadQueryFile(const std::string& path) {
   return json;
 }
 
-}  // namespace
-
-Result<Json> ParseQueryText(const std::string& text) {
-  MTDB_ASSIGN_OR_RETURN(Json json, Json::Parse(text, kDeepestQuery));
-  MTDB_RETURN_IF_ERROR(QueryFromJson(json, 0).status());
-  return json;
-}
-
 Result<Json> BoxOption(const std::string& text) {
   MTDB_ASSIGN_OR_RETURN(const Numbers n, ParseNumbers(text, 6, "X0,Y0,Z0,X1,Y1,Z1"));
   // Any two opposite corners.
@@ -115,6 +107,29 @@ Result<Json> WedgeOption(const std::string& text) {
   Json wedge = {{"apex", {n[0], n[1]}}, {"direction", {n[2], n[3]}}, {"angle", n[4]}};
   if (n.size() == 6) wedge["far"] = n[5];
   return CheckedRegion(text, {{"wedge", wedge}});
+}
+
+constexpr RegionOption kRegionOptions[] = {
+    {"--box", "X0,Y0,Z0,X1,Y1,Z1", BoxOption, "a box, by two corners"},
+    {"--sphere", "X,Y,Z,R", SphereOption, "a ball, by centre and radius"},
+    {"--half-space", "X,Y,Z,NX,NY,NZ", HalfSpaceOption,
+     "what is behind the plane through X,Y,Z that faces NX,NY,NZ"},
+    {"--prism", "X0,Y0,X1,Y1,...", PrismOption, "above and below a polygon"},
+    {"--wedge", "X,Y,DX,DY,ANGLE[,FAR]", WedgeOption,
+     "above and below a wedge at X,Y that looks along DX,DY, ANGLE degrees wide"},
+    {"--point", "X,Y,Z", PointRegionOption, "a point"},
+    {"--segment", "X0,Y0,Z0,X1,Y1,Z1", SegmentOption, "a segment: a line of sight"},
+    {"--tube", "R,X0,Y0,Z0,X1,Y1,Z1,...", TubeOption, "what is within R of a line through points"},
+};
+
+}  // namespace
+
+std::span<const RegionOption> RegionOptions() { return kRegionOptions; }
+
+Result<Json> ParseQueryText(const std::string& text) {
+  MTDB_ASSIGN_OR_RETURN(Json json, Json::Parse(text, kDeepestQuery));
+  MTDB_RETURN_IF_ERROR(QueryFromJson(json, 0).status());
+  return json;
 }
 
 Result<Json> ErrorAtOption(const std::string& text) {

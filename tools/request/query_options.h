@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -40,16 +41,16 @@ struct QueryOptions {
   bool has_camera() const { return eye && target; }
 };
 
-// The texts of options as parts of a query. An error is kInvalidArgument and says what was
-// expected.
-Result<Json> BoxOption(const std::string& text);
-Result<Json> SphereOption(const std::string& text);
-Result<Json> HalfSpaceOption(const std::string& text);
-Result<Json> PointRegionOption(const std::string& text);
-Result<Json> SegmentOption(const std::string& text);
-Result<Json> TubeOption(const std::string& text);
-Result<Json> PrismOption(const std::string& text);
-Result<Json> WedgeOption(const std::string& text);
+// An option of the command line, and parameter of the server, that is a region.
+struct RegionOption {
+  const char* name;  // "--box"
+  const char* form;  // of its text, which `parse` turns into a part of a query
+  Result<Json> (*parse)(const std::string& text);
+  const char* description;
+};
+// As help lists them. An error of `parse` is kInvalidArgument and says what was expected.
+std::span<const RegionOption> RegionOptions();
+// Likewise the text of a threshold by distance.
 Result<Json> ErrorAtOption(const std::string& text);
 
 // Finds options that lack others or do not go with them. `draws`: the camera alone is of use.

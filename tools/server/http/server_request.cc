@@ -13,10 +13,6 @@ namespace mtdb::internal {
 
 namespace {
 
-// Those that may be given several times.
-const std::set<std::string> kLists{"error-at", "box",   "sphere",  "half-space", "prism",
-                                   "wedge",    "point", "segment", "tube"};
-
 int HexDigit(char c) {
   if (c >= '0' && c <= '9') return c - '0';
   if (c >= 'a' && c <= 'f') return c - 'a' + 10;
@@ -75,6 +71,17 @@ Status Append(Json::Array* values, Parse parse, const std::string& text) {
   return Status::Ok();
 }
 
+// Null: the parameter is no region.
+const RegionOption* FindRegion(const std::string& name) {
+  const auto regions = RegionOptions();
+  const auto found =
+      std::ranges::find_if(regions, [&](const RegionOption& o) { return o.name == "--" + name; });
+  return found == regions.end() ? nullptr : &*found;
+}
+
+// Whether it may be given several times.
+bool IsList(const std::string& name) { return name == "error-at" || FindRegion(name) != nullptr; }
+
 Status SetParameter(const std::string& name, const std::string& text, QueryOptions* q) {
   if (name == "full") return Set(&q->full, ParseFlag, text);
   if (name == "error") return Set(&q->error, ParseError, text);
@@ -85,14 +92,9 @@ Status SetParameter(const std::string& name, const std::string& text, QueryOptio
   if (name == "max-bytes") return Set(&q->max_bytes, ParseSize, text);
   if (name == "max-milliseconds") return Set(&q->max_milliseconds, ParseNonNegative, text);
   if (name == "normals") return Set(&q->normals, ParseFlag, text);
-  if (name == "box") return Append(&q->regions, BoxOption, text);
-  if (name == "sphere") return Append(&q->regions, SphereOption, text);
-  if (name == "half-space") return Append(&q->regions, HalfSpaceOption, text);
-  if (name == "prism") return Append(&q->regions, PrismOption, text);
-  if (name == "wedge") return Append(&q->regions, WedgeOption, text);
-  if (name == "point") return Append(&q->regions, PointRegionOption, text);
-  if (name == "segment") return Append(&q->regions, SegmentOption, text);
-  if (name == "tube") return Append(&q->regions, TubeOption, text);
+  if (const RegionOption* const region = FindRegion(name)) {
+    return Append(&q->regions, region->parse, text);
+  }
   if (name == "frustum") return Set(&q->frustum, ParseFlag, text);
   if (name == "intersect") return Set(&q->intersect, ParseFlag, text);
   if (name == "outside") return Set(&q->outside, ParseFlag, text);
@@ -156,7 +158,7 @@ Result<MeshRequest> ParseMeshRequest(const RequestTarget& target, const std::str
   QueryOptions options;
   std::set<std::string> seen;
   for (const auto& [name, value] : target.parameters) {
-    if (!seen.insert(name).second && !kLists.contains(name)) {
+    if (!seen.insert(name).second && !IsList(name)) {
       return InvalidArgument(name + ": is given twice");
     }
     if (name == "format") {
