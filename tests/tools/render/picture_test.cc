@@ -195,7 +195,7 @@ TEST_CASE("views look from the sides that they are named after") {
   CHECK(ViewDirection("auto", z, wall).x < -0.8);
   CHECK(ViewDirection("auto", z, wall).y > 0.3);
   CHECK(ViewDirection("auto", z, head).y > 0.8);
-  CHECK(ViewDirection("auto", y, head).z < -0.8);
+  CHECK(ViewDirection("auto", y, std::vector<Vec3d>{{0, 0, 0}, {2, 5, 3}}).z < -0.8);
 }
 
 TEST_CASE("a background of one colour is just that, and a transparent one is not there") {
