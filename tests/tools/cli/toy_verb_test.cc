@@ -34,7 +34,7 @@ Status CountObjects(const CountArguments& arguments) {
   return Status::Ok();
 }
 
-RunVerb AddCount(CLI::App* verb) {
+RunVerb AddCount(VerbOptions* verb) {
   const auto a = std::make_shared<CountArguments>();
   AddStore(verb, &a->store);
   AddParsed(verb, "--least", "N", &a->least, ParseCount, "those of at least N triangles");

@@ -62,36 +62,37 @@ Status Probe(const ProbeArguments& arguments) {
   return Status::Ok();
 }
 
-RunVerb AddProbe(CLI::App* verb) {
+RunVerb AddProbe(VerbOptions* verb) {
   const auto a = std::make_shared<ProbeArguments>();
-  verb->add_option("STORE", a->store, "the store file")->required();
+  verb->Add("STORE", a->store, "the store file").Required();
   AddName(verb, &a->name);
-  auto* point = AddParsed(verb, "--point", "X,Y,Z", &a->point, ParsePoint,
-                          "find the closest point of the surface to this one");
+  const VerbOption point = AddParsed(verb, "--point", "X,Y,Z", &a->point, ParsePoint,
+                                     "find the closest point of the surface to this one");
   AddParsed(verb, "--ray", "X,Y,Z,DX,DY,DZ", &a->ray, ParseRay,
             "find where this ray, of origin and direction, first meets the surface")
-      ->excludes(point);
+      .Excludes(point);
   AddParsedList(verb, "--height", "X,Y", &a->heights, ParsePlace,
                 "of a terrain: the height there; may be repeated")
-      ->excludes("--point")
-      ->excludes("--ray");
-  verb->add_option("--heights", a->heights_file,
-                   "of a terrain: the heights at the places of a file, X,Y a line, or of - for "
-                   "standard input")
-      ->type_name("FILE")
-      ->excludes("--point")
-      ->excludes("--ray")
-      ->excludes("--height");
+      .Excludes("--point")
+      .Excludes("--ray");
+  verb->Add("--heights", a->heights_file,
+            "of a terrain: the heights at the places of a file, X,Y a line, or of - for "
+            "standard input")
+      .Form("FILE")
+      .Excludes("--point")
+      .Excludes("--ray")
+      .Excludes("--height");
   AddParsed(verb, "--error", "E", &a->error, ParseError,
             "on a surface within E of the input, in model units, or E% of the diagonal (default: "
             "full resolution)");
   AddParsed(verb, "--limit", "D", &a->limit, ParseNonNegative,
             "look no farther: a distance, or for rays a multiple of the direction");
   AddJson(verb, &a->json);
-  verb->callback([a] {
+  verb->CheckAll([a]() -> Status {
     if (!a->point && !a->ray && a->heights.empty() && a->heights_file.empty()) {
-      throw CLI::ValidationError("probe", "give --point, --ray, --height or --heights");
+      return InvalidArgument("probe: give --point, --ray, --height or --heights");
     }
+    return Status::Ok();
   });
   AddCacheDirectory(verb, &a->open);
   return [a](Invocation&) { return Probe(*a); };

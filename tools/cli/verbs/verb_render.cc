@@ -251,81 +251,83 @@ void SetColouring(const std::string& text, RenderOptions* picture) {
 }
 
 // What its colours mean.
-void AddColourOptions(CLI::App* verb, const char* group, QueryArguments* a) {
-  verb->add_option_function<std::string>(
-          "--colour", [a](const std::string& text) { SetColouring(text, &a->picture); },
+void AddColourOptions(VerbOptions* verb, const char* group, QueryArguments* a) {
+  verb->AddText(
+          "--colour",
+          [a](const std::string& text) {
+            SetColouring(text, &a->picture);
+            return Status::Ok();
+          },
           "colour by: an attribute's name; height, by tints as of maps; error, the distance from "
           "the surface at full resolution; normal; or none (default: the scan's red, green, blue; "
           "of a terrain height). attribute:NAME is "
           "an attribute, whatever its name")
-      ->type_name("WHAT")
-      ->group(group);
-  verb->add_option("--drape", a->drape,
-                   "with this image over it, where it lies: a PNG or JPEG with a world file beside "
-                   "it, a GeoTIFF")
-      ->type_name("FILE")
-      ->group(group);
+      .Form("WHAT")
+      .Group(group);
+  verb->Add("--drape", a->drape,
+            "with this image over it, where it lies: a PNG or JPEG with a world file beside "
+            "it, a GeoTIFF")
+      .Form("FILE")
+      .Group(group);
   AddParsed(verb, "--range", "LEAST,MOST", &a->picture.range, ParseRange,
             "the values of the first and the last colour (default: those that there are)")
-      ->group(group);
+      .Group(group);
 }
 
 // After AddQueryOptions.
-void AddPictureOptions(CLI::App* verb, QueryArguments* a) {
+void AddPictureOptions(VerbOptions* verb, QueryArguments* a) {
   const char* group = "The picture";
   AddParsed(verb, "--size", "WxH", &a->size, ParseExtent, "width and height in pixels")
-      ->default_str("1200x900")
-      ->group(group);
-  verb->add_option("--view", a->view,
-                   "without a camera, look from: front, back, left, right, top, bottom, iso, or "
-                   "auto, which shows the broader side from above, and a terrain as a map; --up "
-                   "says what is up "
-                   "(default: found from the shape)")
-      ->type_name("SIDE")
-      ->check(CLI::IsMember(std::vector<std::string>(kViewNames.begin(), kViewNames.end())))
-      ->default_str("auto")
-      ->group(group);
+      .Default("1200x900")
+      .Group(group);
+  verb->Add("--view", a->view,
+            "without a camera, look from: front, back, left, right, top, bottom, iso, or "
+            "auto, which looks from the front and a little from the right, or shows a "
+            "terrain as a map; --up says what is up (default: found from the shape)")
+      .Form("SIDE")
+      .OneOf(std::vector<std::string>(kViewNames.begin(), kViewNames.end()))
+      .Default("auto")
+      .Group(group);
   AddColourOptions(verb, group, a);
-  verb->add_option_function<std::string>(
+  verb->AddText(
           "--background",
-          [a](const std::string& text) {
+          [a](const std::string& text) -> Status {
             const Result<Background> background = ParseBackground(text);
-            if (!background.ok()) {
-              throw CLI::ValidationError("--background", background.status().message());
-            }
+            if (!background.ok()) return background.status();
             a->picture.background = background->colour;
             a->picture.transparent = background->transparent;
+            return Status::Ok();
           },
           "white, black, grey, #RRGGBB, or transparent (default: a dark gradient)")
-      ->type_name("COLOUR")
-      ->group(group);
+      .Form("COLOUR")
+      .Group(group);
   const auto flag = [&](const char* name, bool* value, const char* description) {
-    verb->add_flag(name, *value, description)->group(group);
+    verb->AddFlag(name, *value, description).Group(group);
   };
   AddParsed(verb, "--exaggerate", "F", &a->exaggerate, ParsePositive,
             "draw heights (z) F times as high; what is asked for, legends and errors stay as they "
             "are (default: 1)")
-      ->group(group);
+      .Group(group);
   flag("--hillshade", &a->picture.hillshade,
        "light as of maps, from the north-west (default for a terrain without --colour)");
   flag("--wireframe", &a->picture.wireframe, "draw the edges of the triangles");
   flag("--smooth", &a->picture.smooth, "shade triangles as parts of a smooth surface");
   flag("--scale-bar", &a->picture.scale_bar,
        "draw a round length, true at the depth of the object's middle");
-  verb->add_flag_callback(
+  verb->AddFlag(
           "--no-legend", [a] { a->picture.legend = false; }, "leave out the legend of the colours")
-      ->group(group);
+      .Group(group);
   flag("--draft", &a->picture.draft, "fast: no shadows, no soft edges");
   flag("--overview", &a->overview,
        "draw the whole object as without a camera, not what the camera sees");
 }
 
-RunVerb AddRender(CLI::App* verb) {
+RunVerb AddRender(VerbOptions* verb) {
   const auto a = std::make_shared<QueryArguments>();
   AddStore(verb, &a->store);
-  IsWritten(verb->add_option("OUT.png", a->output, "the picture: .png, .jpg or .jpeg"))
-      ->required()
-      ->check([](const std::string& text) { return CheckPictureName(text).message(); });
+  IsWritten(verb->Add("OUT.png", a->output, "the picture: .png, .jpg or .jpeg"))
+      .Required()
+      .Check([](const std::string& text) { return CheckPictureName(text).message(); });
   AddQueryOptions(verb, a.get(), true);
   AddCache(verb, &a->cache_bytes, kQuarterOfMemory);
   AddPictureOptions(verb, a.get());

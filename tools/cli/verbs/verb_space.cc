@@ -234,36 +234,35 @@ RunVerb Running(std::shared_ptr<SpaceArguments> arguments) {
   };
 }
 
-RunVerb AddRemove(CLI::App* verb) {
+RunVerb AddRemove(VerbOptions* verb) {
   auto a = std::make_shared<SpaceArguments>();
   AddWrittenStore(verb, &a->store);
-  verb->add_option("NAME", a->names, "the objects")->required()->expected(1, 1 << 20);
+  verb->Add("NAME", a->names, "the objects").Required().Values(1, 1 << 20);
   AddJson(verb, &a->json);
   return Running<Remove>(std::move(a));
 }
 
-RunVerb AddRename(CLI::App* verb) {
+RunVerb AddRename(VerbOptions* verb) {
   auto a = std::make_shared<SpaceArguments>();
   AddWrittenStore(verb, &a->store);
-  verb->add_option("OLD NEW", a->names, "the object's name, and its new name")
-      ->required()
-      ->expected(2)
-      ->type_size(1);
+  verb->Add("OLD NEW", a->names, "the object's name, and its new name")
+      .Required()
+      .Values(2, 2);
   AddJson(verb, &a->json);
   return Running<Rename>(std::move(a));
 }
 
-RunVerb AddCopy(CLI::App* verb) {
+RunVerb AddCopy(VerbOptions* verb) {
   auto a = std::make_shared<SpaceArguments>();
   AddStore(verb, &a->store);
-  IsWritten(verb->add_option("TARGET", a->target, "the other store"))->required();
-  verb->add_option("NAME", a->names, "the objects (default: all)")->expected(0, 1 << 20);
-  verb->add_flag("--replace", a->replace, "replace objects of TARGET that differ");
+  IsWritten(verb->Add("TARGET", a->target, "the other store")).Required();
+  verb->Add("NAME", a->names, "the objects (default: all)").Values(0, 1 << 20);
+  verb->AddFlag("--replace", a->replace, "replace objects of TARGET that differ");
   AddJson(verb, &a->json);
   return Running<Copy>(std::move(a));
 }
 
-RunVerb AddCompact(CLI::App* verb) {
+RunVerb AddCompact(VerbOptions* verb) {
   auto a = std::make_shared<SpaceArguments>();
   AddWrittenStore(verb, &a->store);
   AddJson(verb, &a->json);

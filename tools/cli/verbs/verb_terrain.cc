@@ -109,13 +109,13 @@ Status FindAndPrint(const ProfileArguments& arguments) {
   return Status::Ok();
 }
 
-RunVerb AddProfile(CLI::App* verb) {
+RunVerb AddProfile(VerbOptions* verb) {
   const auto a = std::make_shared<ProfileArguments>();
-  verb->add_option("STORE", a->store, "the store file")->required();
+  verb->Add("STORE", a->store, "the store file").Required();
   AddName(verb, &a->name);
   AddParsed(verb, "--line", "X0,Y0,X1,Y1,...", &a->line, ParseLine,
             "the line's corners, in the terrain's coordinates")
-      ->required();
+      .Required();
   AddParsed(verb, "--error", "E", &a->error, ParseError,
             "no height off by more than E, or E% of the diagonal (default: full resolution)");
   AddJson(verb, &a->json);
