@@ -24,8 +24,8 @@ struct ProbeOptions {
 // A point of the surface.
 struct ProbeHit {
   Vec3d point;
-  // Closest point: the distance in model units. Ray: the parameter t of origin + t * direction.
-  double distance = 0;
+  double distance = 0;    // model units, from the point of the probe or the ray's origin
+  double parameter = 0;   // ray: the t of origin + t * direction; closest point: 0
   Triangle3d triangle{};  // that the point lies on, counter-clockwise from outside
   bool front = false;     // true when the probe comes from the outside of this triangle
 };
@@ -33,8 +33,8 @@ struct ProbeHit {
 struct ProbeAnswer {
   std::optional<ProbeHit> hit;  // nullopt: nothing within the limit
   // How far away the answer holds: the cut that it was taken from is accurate up to the distance
-  // `reach` from the point, or up to the parameter `reach` of the ray. At least hit->distance. When
-  // there is no hit, it is the limit, or as far as the object goes.
+  // `reach` from the point, or up to the parameter `reach` of the ray. At least hit->distance, or
+  // hit->parameter. When there is no hit, it is the limit, or as far as the object goes.
   double reach = 0;
   // The error bound of the part of that cut within `reach`, in model units; the functions below say
   // what it promises. Means nothing without a hit.

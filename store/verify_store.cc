@@ -226,13 +226,11 @@ Status VerifyStore(const std::string& path, const std::string& object, CheckRepo
                    const std::function<bool()>& stopped, const OpenOptions& options) {
   MTDB_ASSIGN_OR_RETURN(std::shared_ptr<RangeReader> ranges, OpenPackedRanges(path, options));
   if (ranges != nullptr) return VerifyPacked(std::move(ranges), object, report, stopped);
-  // A file that cannot even be opened as a store is a finding; a missing one is an error.
+  // A store that cannot even be opened is a finding; a file that is none is an error, as is one of
+  // a version that mtdb does not know.
   const auto environment = Environment::Open(path, {});
   if (!environment.ok()) {
-    const StatusCode code = environment.status().code();
-    if (code != StatusCode::kCorrupt && code != StatusCode::kUnsupported) {
-      return environment.status();
-    }
+    if (environment.status().code() != StatusCode::kCorrupt) return environment.status();
     report->failures.push_back(environment.status().message());
     return Status::Ok();
   }

@@ -115,7 +115,7 @@ def data_sets(runner, data):
     store = data.folder / "scans.mtdb"
     require_space(data.folder, RUN_BYTES_PER_TRIANGLE * data.sizes["dense"], "the run")
     for path in data.scans():
-        info = runner.mtdb("ingest", path, store, "--name", path.stem, "--bits", 16, "--force")[0]
+        info = runner.mtdb("ingest", path, store, "--name", path.stem, "--bits", 16, "--replace")[0]
         source = "package libcgal-demo" if path.parent == data.folder else "shared/data"
         rows.append({"name": path.name, "triangles": info["input"]["triangles"],
                      "vertices": info["input"]["vertices"], "source": source,
@@ -126,7 +126,7 @@ def data_sets(runner, data):
                                                                 sizes["sculpture"]})]
                              + [("terrain", n) for n in sizes["terrain"]]):
         path = data.generated(shape, triangles)
-        info = runner.mtdb("ingest", path, store, "--name", path.stem, "--bits", 16, "--force")[0]
+        info = runner.mtdb("ingest", path, store, "--name", path.stem, "--bits", 16, "--replace")[0]
         rows.append({"name": path.name, "triangles": info["input"]["triangles"],
                      "vertices": info["input"]["vertices"], "source": f"mtdb generate {shape}",
                      "boundary_edges": info["boundary_edges"],

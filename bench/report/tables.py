@@ -683,8 +683,8 @@ def summary(raw):
                   f"{built['memory']} of memory; higher is better",
                   f"{sig(1e-6 * built['triangles'] / built['wall_seconds'])} M triangles/s, "
                   f"{mib(built['peak_rss_bytes'])} MiB at the peak", "-"])
-    lines.append([f"size of all levels of the {mesh_name(row['mesh'])}, bits per vertex; lower is "
-                  "better",
+    lines.append([f"size of all levels of the {mesh_name(row['mesh'])}, without attributes, "
+                  "bits per vertex; lower is better",
                   f"{row['file_bits_per_vertex']:.1f}",
                   f"one level: Draco {row['draco_level_10']['bits_per_vertex']:.1f}, "
                   f"zstd -19 {row['zstd_level_19']['bits_per_vertex']:.0f}"])

@@ -56,7 +56,7 @@ Status CheckBuildOptions(const BuildOptions& options) {
   if (options.terrain && (placed || options.mode != PositionMode::kGrid)) {
     return InvalidArgument(
         "a raster's samples lie where they are: it takes no bits, step, welding or float32 "
-        "positions; --step-z rounds heights");
+        "positions; --height-step rounds heights");
   }
   if (options.height_field && (options.terrain || options.mode != PositionMode::kGrid)) {
     return InvalidArgument(

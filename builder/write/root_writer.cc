@@ -9,25 +9,14 @@
 
 namespace mtdb::internal {
 
-RootNumbers::Slot& RootNumbers::Find(uint32_t vertex) {
-  size_t at = Mix64(vertex) & (slots_.size() - 1);
-  while (slots_[at].number != kNone32 && slots_[at].vertex != vertex) {
-    at = (at + 1) & (slots_.size() - 1);
-  }
-  return slots_[at];
-}
-
 uint32_t RootNumbers::Add(uint32_t vertex) {
   if (size_ >= Room()) {
     constexpr size_t kFirst = 1024;
-    std::vector<Slot> old(std::max(kFirst, 2 * slots_.size()), Slot{kNone32, kNone32});
-    old.swap(slots_);
-    for (const Slot& slot : old) {
-      if (slot.number != kNone32) Find(slot.vertex) = slot;
-    }
+    table_.Resize(std::max(kFirst, 2 * table_.size()),
+                  [](const Slot& slot) { return Mix64(slot.vertex); });
   }
-  Slot& slot = Find(vertex);
-  if (slot.number == kNone32) slot = {vertex, size_++};
+  Slot& slot = table_.Find(Mix64(vertex), [&](const Slot& s) { return s.vertex == vertex; });
+  if (slot.empty()) slot = {vertex, size_++};
   return slot.number;
 }
 

@@ -10,6 +10,7 @@
 #include "builder/disk/disjoint_sets.h"
 #include "builder/disk/tile.h"
 #include "store/base/attributes.h"
+#include "store/base/open_table.h"
 #include "store/base/status.h"
 #include "store/object_writer.h"
 
@@ -32,16 +33,16 @@ class RootNumbers {
   uint32_t size() const { return size_; }
   // What so many more vertices make it take, at most and for a moment.
   uint64_t bytes_with(uint64_t more) const {
-    return slots_.size() * sizeof(Slot) * (size_ + more > Room() ? 3 : 1);
+    return table_.size() * sizeof(Slot) * (size_ + more > Room() ? 3 : 1);
   }
 
  private:
   struct Slot {
-    uint32_t vertex, number;  // kNone32: no vertex
+    uint32_t vertex = kNone32, number = kNone32;
+    bool empty() const { return number == kNone32; }
   };
-  size_t Room() const { return slots_.size() / 4 * 3; }
-  Slot& Find(uint32_t vertex);
-  std::vector<Slot> slots_;  // linear probing; a power of two, or none
+  size_t Room() const { return table_.size() / 4 * 3; }
+  OpenTable<Slot> table_;
   uint32_t size_ = 0;
 };
 

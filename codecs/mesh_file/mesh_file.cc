@@ -15,6 +15,7 @@
 #include "codecs/mesh_file/readers/mesh_format_table.h"
 #include "codecs/mesh_file/readers/readers.h"
 #include "store/base/coordinate_limit.h"
+#include "store/base/file_kind.h"
 
 namespace mtdb {
 
@@ -165,10 +166,12 @@ bool IsMeshFile(const std::string& path) {
 
 namespace {
 
-Status NoMeshFile(const std::string& path) {
+Status NoMeshFile(const std::string& path, std::string_view start) {
+  const std::string_view kind = KindOfFile(start);
   return BadInput(
       path + ": not a mesh file that mtdb reads, expected " +
-      OneOf(ReadMeshFormats(), [](const MeshFormat& f) { return std::string(f.name); }));
+      OneOf(ReadMeshFormats(), [](const MeshFormat& f) { return std::string(f.name); }) +
+      (kind.empty() ? "" : "; it seems to be " + std::string(kind)));
 }
 
 }  // namespace
@@ -192,7 +195,7 @@ Result<MeshInput> MeshInput::Open(const std::string& path, const MeshReadOptions
   rules.check_start = [&](const InputFile& start) -> Result<StreamFacts> {
     FoundFormat found;
     MTDB_RETURN_IF_ERROR(FindFormat(start, impl->suffix, &found));
-    if (found.row == nullptr) return NoMeshFile(path);
+    if (found.row == nullptr) return NoMeshFile(path, found.start.bytes);
     return CheckStreamStart(start, found.row, found.start);
   };
   MTDB_ASSIGN_OR_RETURN(impl->file,
@@ -216,7 +219,7 @@ Status MeshInput::Read(MeshSink& sink, MeshReadReport* report) const {
     return WideTextError(path());
   }
   if (found.row == nullptr) {
-    return NoMeshFile(path());
+    return NoMeshFile(path(), found.start.bytes);
   }
   return found.row->read(*impl_->file, found.start, sink, report);
 }

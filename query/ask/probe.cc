@@ -101,7 +101,7 @@ Result<std::optional<ProbeHit>> Closest(const TriangleMesh& mesh, Vec3d point,
     const double d2 = SquaredLength(point - q);
     if (best && d2 >= best2) return;
     best2 = d2;
-    best = ProbeHit{q, std::sqrt(d2), t, Dot(Normal(t), point - t[0]) > 0};
+    best = ProbeHit{q, std::sqrt(d2), 0, t, Dot(Normal(t), point - t[0]) > 0};
   }));
   return best;
 }
@@ -112,8 +112,8 @@ Result<std::optional<ProbeHit>> FirstHit(const TriangleMesh& mesh, const RayCast
   std::optional<ProbeHit> best;
   MTDB_RETURN_IF_ERROR(ForEachTriangle(mesh, control, [&](const Triangle3d& t) {
     const std::optional<double> hit = ray.Hit(t);
-    if (!hit || *hit > last || (best && *hit >= best->distance)) return;
-    best = ProbeHit{ray.At(*hit), *hit, t, Dot(Normal(t), direction) < 0};
+    if (!hit || *hit > last || (best && *hit >= best->parameter)) return;
+    best = ProbeHit{ray.At(*hit), *hit * ray.length(), *hit, t, Dot(Normal(t), direction) < 0};
   }));
   return best;
 }
@@ -184,7 +184,7 @@ Result<ProbeAnswer> ProbeRay(const Surface& surface, Vec3d origin, Vec3d directi
     // The finer surface is that far away across, and most often not much farther along the ray.
     constexpr double kAlong = 4;
     answer.reach =
-        std::min(answer.reach, hit->distance + kAlong * answer.error_bound / ray.length());
+        std::min(answer.reach, hit->parameter + kAlong * answer.error_bound / ray.length());
   }
   for (;; answer.reach = all) {
     MTDB_ASSIGN_OR_RETURN(const TriangleMesh mesh,

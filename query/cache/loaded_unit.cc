@@ -3,13 +3,13 @@
 
 #include <algorithm>
 #include <array>
-#include <bit>
 #include <cstring>
 #include <string>
 #include <utility>
 
 #include "codecs/cluster/cluster_codec.h"
 #include "codecs/cluster/root_codec.h"
+#include "store/base/open_table.h"
 
 namespace mtdb::internal {
 namespace {
@@ -32,7 +32,7 @@ class Gatherer {
     vertices_.reserve(triangles_.capacity());
     positions_.reserve(triangles_.capacity());
     // At most three quarters full.
-    table_.assign(std::bit_ceil(4 * triangles_.capacity() + 2), kNone32);
+    table_.Reset(4 * triangles_.capacity() + 2);
   }
 
   // Appends the parent's out-triangles that the cluster consumes, in slot order.
@@ -164,17 +164,15 @@ class Gatherer {
     const VertexIndex index = local < external
                                   ? parent.vertex(local)
                                   : index_.first_vertex(parent.id) + (local - external);
-    // Open addressing.
-    const size_t mask = table_.size() - 1;
-    size_t i = (index * 0x9e3779b97f4a7c15ull >> 20) & mask;
-    while (table_[i] != kNone32 && vertices_[table_[i]].index != index) i = (i + 1) & mask;
-    if (table_[i] == kNone32) {
-      table_[i] = static_cast<uint32_t>(vertices_.size());
+    uint32_t& number =
+        table_.Find(HashOfNumber(index), [&](uint32_t n) { return vertices_[n].index == index; });
+    if (number == kNone32) {
+      number = static_cast<uint32_t>(vertices_.size());
       vertices_.push_back(
           {index, static_cast<LocalNumber>(ordinal), static_cast<LocalNumber>(local)});
       positions_.push_back(parent.positions()[local]);
     }
-    return table_[i];
+    return number;
   }
 
   // The parent's explicit arcs to this cluster, one for each triangle gathered since `before`.
@@ -203,7 +201,7 @@ class Gatherer {
   std::vector<ExplicitArc> arcs_;                   // likewise, or empty
   std::vector<Vertex> vertices_;
   std::vector<Vec3i> positions_;  // of vertices
-  std::vector<uint32_t> table_;   // numbers of vertices, by hash
+  OpenTable<uint32_t> table_;     // numbers of vertices, by their index
   // Of the local vertices of the parent that is being added.
   std::vector<uint32_t> numbers_;
   std::vector<uint32_t> found_;

@@ -15,7 +15,7 @@ constexpr size_t kLeastTable = 1024;
 Status Removal::Run(const std::vector<NodeKey>& changed) {
   suspended_.clear();
   leads_.clear();
-  table_.assign(kLeastTable, kNone32);
+  table_.Reset(kLeastTable);
   for (const NodeKey key : changed) Suspend(*units_.Find(UnitOf(key)), NodeOf(key));
   MTDB_RETURN_IF_ERROR(SuspendAll());
   MTDB_RETURN_IF_ERROR(FindFounded());
@@ -33,22 +33,15 @@ void Removal::Suspend(MovingUnit& u, NodeIndex node) {
   units_.queue().Add(u);
 }
 
-// Of the key, or of where it would be.
-size_t Removal::SlotOf(NodeKey key) const {
-  const size_t mask = table_.size() - 1;
-  size_t slot = (key * 0x9e3779b97f4a7c15u >> 32) & mask;
-  while (table_[slot] != kNone32 && suspended_[table_[slot]].key != key) slot = (slot + 1) & mask;
-  return slot;
+uint32_t Removal::PlaceOf(NodeKey key) const {
+  return table_.Find(HashOfNumber(key), [&](uint32_t p) { return suspended_[p].key == key; });
 }
 
 // At most half of it is used.
 void Removal::AddToTable(uint32_t place) {
-  if (2 * suspended_.size() <= table_.size()) {
-    table_[SlotOf(suspended_[place].key)] = place;
-    return;
-  }
-  table_.assign(2 * table_.size(), kNone32);
-  for (uint32_t p = 0; p < suspended_.size(); ++p) table_[SlotOf(suspended_[p].key)] = p;
+  const auto hash_of = [&](uint32_t p) { return HashOfNumber(suspended_[p].key); };
+  if (2 * suspended_.size() > table_.size()) table_.Resize(2 * table_.size(), hash_of);
+  table_.FindEmpty(hash_of(place)) = place;
 }
 
 void Removal::AddLead(uint32_t from, uint32_t to) {

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "query/moving/moving_units.h"
+#include "store/base/open_table.h"
 
 namespace mtdb::internal {
 
@@ -33,8 +34,7 @@ class Removal {
   };
   void Suspend(MovingUnit& u, NodeIndex node);
   // Of a suspended node: its place in suspended_.
-  uint32_t PlaceOf(NodeKey key) const { return table_[SlotOf(key)]; }
-  size_t SlotOf(NodeKey key) const;
+  uint32_t PlaceOf(NodeKey key) const;
   void AddToTable(uint32_t place);
   void AddLead(uint32_t from, uint32_t to);
   Status SuspendAll();
@@ -46,7 +46,7 @@ class Removal {
 
   MovingUnits& units_;
   std::vector<Suspended> suspended_;
-  std::vector<uint32_t> table_;  // places by keys, with open addresses; a power of 2
+  OpenTable<uint32_t> table_;  // places by keys
   std::vector<Lead> leads_;
   std::vector<NodeIndex> nodes_;
 };

@@ -2,7 +2,10 @@
 #include "store/pages/meta_page.h"
 
 #include <algorithm>
+#include <array>
 #include <bit>
+
+#include "store/base/file_kind.h"
 
 namespace mtdb::internal {
 namespace {
@@ -28,6 +31,37 @@ Status CheckTree(const TreeInfo& tree, uint64_t last_page, const std::string& pl
     return Corrupt(place + "expected a depth from 1 to 32, found " + std::to_string(tree.depth));
   }
   return Status::Ok();
+}
+
+// The file has no meta page where one could lie: it was no store before it was damaged.
+bool HasNoMetaPage(const StoreFile& file, uint64_t file_bytes) {
+  constexpr uint64_t kMagicOffset = kPageHeaderBytes;
+  const auto is_magic = [&](uint64_t page_begin) {
+    std::array<std::byte, sizeof(uint32_t)> bytes;
+    if (page_begin + kMagicOffset + bytes.size() > file_bytes) return false;
+    // What cannot be read is told by who reads it.
+    return !file.ReadAt(page_begin + kMagicOffset, bytes).ok() ||
+           ByteReader(bytes).Get<uint32_t>() == kMagic;
+  };
+  if (is_magic(0)) return false;
+  for (uint64_t size = kMinPageSize; size <= kMaxPageSize; size *= 2) {
+    if (is_magic(size)) return false;
+  }
+  return true;
+}
+
+// kBadInput for what never was a store, with what it seems to be.
+Status CheckIsStore(const StoreFile& file) {
+  MTDB_ASSIGN_OR_RETURN(const uint64_t file_bytes, file.Size());
+  Bytes start(std::min<uint64_t>(file_bytes, kFileKindBytes));
+  MTDB_RETURN_IF_ERROR(file.ReadAt(0, start));
+  const std::string_view kind = KindOfFile(AsString(start));
+  // What is left of a store may be too short for a meta page.
+  if (kind.empty() && file_bytes < kMetaPages * kMinPageSize) return Status::Ok();
+  if (!HasNoMetaPage(file, file_bytes)) return Status::Ok();
+  return BadInput(file.path() + ": this is no file of mtdb" +
+                  (kind.empty() ? "" : ", but seems to be " + std::string(kind)) +
+                  "; check the path ('mtdb ingest MESH STORE' makes a store of a mesh)");
 }
 
 // A writer changes a meta page by one write; two equal reads in a row saw no half of it.
@@ -161,7 +195,11 @@ bool NeverCommitted(const StoreFile& file) {
 
 Result<MetaPages> ReadMetaPages(const StoreFile& file) {
   Result<MetaPages> metas = TryReadMetaPages(file);
-  if (metas.ok() || !NeverCommitted(file)) return metas;
+  if (metas.ok()) return metas;
+  if (!NeverCommitted(file)) {
+    if (Status none = CheckIsStore(file); !none.ok()) return none;
+    return metas;
+  }
   return Corrupt(file.path() +
                  ": the file is empty: either nothing was stored in it yet, and an ingest makes it "
                  "a store, or it was truncated: restore it from a copy");

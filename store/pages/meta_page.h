@@ -31,11 +31,8 @@ struct MetaPages {
 Result<MetaPage> DecodeMetaPage(ByteSpan bytes, uint64_t number, const std::string& where);
 
 // Reads both, each in a state that no writer was changing, and checks every field of both, and the
-// one against the other.
-// Whether a file is empty, or has no more than what making a store has written of it: zeros, or
-// meta pages of transaction 0.
-bool NeverCommitted(const StoreFile& file);
-
+// one against the other. kBadInput, with what the file seems to be, when it has no meta page at
+// all.
 Result<MetaPages> ReadMetaPages(const StoreFile& file);
 
 // Whether a file has no more than what making a store has written of it: nothing, zeros, or meta

@@ -187,7 +187,7 @@ ACTS = {
     "ingest-first": Act(lambda w: ["ingest", w.mesh("fresh"), w.store(), "--quiet", "--tmp", w.place / "tmp"],
                         makes=["fresh"], fresh_store=True),
     "remove": Act(lambda w: ["remove", w.store(), "fresh"], with_fresh=True, removes=["fresh"]),
-    "extract": Act(lambda w: ["extract", w.store(), w.place / "out.ply", "--name", "kept", "--error-rel", "0.01"],
+    "extract": Act(lambda w: ["extract", w.store(), w.place / "out.ply", "--name", "kept", "--error", "1%"],
                    output="out.ply"),
     "extract-glb": Act(lambda w: ["extract", w.store(), w.place / "out.glb", "--name", "kept"], output="out.glb"),
     "render": Act(lambda w: ["render", w.store(), w.place / "out.png", "--name", "kept", "--size", "64x64"],

@@ -170,7 +170,7 @@ Plan MakePlan(World& world, const Step& step, const std::string& by) {
   plan.store = world.PathOf(step.Int("store", 0), by);
   plan.name = NameOf(step);
   plan.options = plan.object.Options();
-  if (step.Flag("force")) plan.options.emplace_back("--force");
+  if (step.Flag("force")) plan.options.emplace_back("--replace");
   if (step.Flag("resume")) plan.options.emplace_back("--resume");
   if (step.has("threads")) {
     plan.options.push_back("--threads=" +
@@ -627,8 +627,8 @@ int LibraryIngestMain(int count, char** arguments) {
     if (key == "--lossless") options.mode = PositionMode::kLossless;
     if (key == "--weld") options.weld = std::strtod(value.c_str(), nullptr);
     if (key == "--no-weld") options.keep_apart = true;
-    if (key == "--normals") options.normal_bits = static_cast<int>(number());
-    if (key == "--attribute") {
+    if (key == "--normal-bits") options.normal_bits = static_cast<int>(number());
+    if (key == "--attribute-step") {
       const size_t split = value.rfind('=');
       options.attribute_steps.push_back(
           {value.substr(0, split), std::strtod(value.c_str() + split + 1, nullptr)});
@@ -641,7 +641,7 @@ int LibraryIngestMain(int count, char** arguments) {
     if (key == "--name") name = value;
     if (key == "--format") format = value;
     if (key == "--resume") options.resume = true;
-    if (key == "--force") force = true;
+    if (key == "--replace") force = true;
     if (!argument.starts_with("--")) paths.push_back(argument);
   }
   const std::string store = paths.back();

@@ -26,8 +26,8 @@ std::string MeshNow(World& world, int64_t store, const std::string& name,
                     const std::string& error) {
   if (!world.Store(store).model.objects.contains(name)) return "";
   const std::string out = world.Folder("out/beside.ply");
-  const Ran ran = world.Mtdb(
-      {"extract", world.Store(store).path, out, "--name=" + name, "--error-rel=" + error});
+  const Ran ran =
+      world.Mtdb({"extract", world.Store(store).path, out, "--name=" + name, "--error=" + error});
   if (!ran.ok()) world.ErrorFault("beside: refused", ran.err);
   std::string bytes = ReadText(out);
   fs::remove(out);
@@ -44,7 +44,7 @@ void BesideAct(World& world, const Step& step) {
   auto object = model.objects.begin();
   std::advance(object, static_cast<size_t>(step.Int("of", 0)) % model.objects.size());
   const std::string name = object->first;
-  const std::string error = NumberText(step.Number("error", 0));
+  const std::string error = NumberText(100 * step.Number("error", 0)) + "%";
   const std::string before = MeshNow(world, store, name, error);
 
   const Asked asked{&world, store, name, nullptr, nullptr, &step};
@@ -58,7 +58,7 @@ void BesideAct(World& world, const Step& step) {
     const std::string url = Serving(asked)->url() + ObjectPath(asked) + "/packed";
     read.insert(read.end(), {"extract", url, "--name=" + name});
   }
-  read.push_back("--error-rel=" + error);
+  read.push_back("--error=" + error);
   Child reader(read, world.scratch());
   Step inner = step;
   inner.act = change;

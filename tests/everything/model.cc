@@ -117,10 +117,10 @@ std::vector<std::string> StoredObject::Options() const {
   }
   if (truth.weld) options.push_back("--weld=" + NumberText(*truth.weld));
   if (truth.keep_apart) options.emplace_back("--no-weld");
-  if (normal_bits > 0) options.push_back("--normals=" + std::to_string(normal_bits));
+  if (normal_bits > 0) options.push_back("--normal-bits=" + std::to_string(normal_bits));
   for (const VertexAttribute& a : truth.mesh.header.attributes.attributes) {
     if (round > 0 && IsRounded(a)) {
-      options.push_back("--attribute=" + a.name + "=" + NumberText(round));
+      options.push_back("--attribute-step=" + a.name + "=" + NumberText(round));
     }
   }
   return options;

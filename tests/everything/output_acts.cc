@@ -76,7 +76,7 @@ void PageAct(World& world, const Step& step) {
   for (auto& found : files) {
     Arguments arguments{"view", "--write-page", folder};
     if (step.Flag("source")) {
-      arguments.insert(arguments.end(), {"--allow-source", "https://example.org"});
+      arguments.insert(arguments.end(), {"--allowed-source", "https://example.org"});
     }
     const Ran ran = world.Mtdb(arguments);
     if (!ran.ok()) return world.ErrorFault("page: refused", ran.err);

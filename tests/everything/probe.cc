@@ -125,8 +125,8 @@ class Probing {
       if (!full && answer.error_bound > (error_ + answer.excess) * (1 + 1e-5)) {
         Fault("bound above the requested error", NumberText(answer.error_bound));
       }
-      if (answer.hit->distance > limit_)
-        Fault("beyond the limit", NumberText(answer.hit->distance));
+      const double far = ray_ ? answer.hit->parameter : answer.hit->distance;
+      if (far > limit_) Fault("beyond the limit", NumberText(far));
       const double off = object_.truth.tree->Distance(answer.hit->point);
       if (off > bound) {
         Fault("a point farther from the input than the bound",
@@ -165,12 +165,12 @@ class Probing {
       const double edge = exactness_ / Length(direction_);
       if (m.sure && m.t > edge && m.t < first && m.t < limit_ - edge) first = m.t;
     }
-    const double found = answer.hit ? answer.hit->distance : kInfinity;
+    const double found = answer.hit ? answer.hit->parameter : kInfinity;
     if (found > first + 1e-6 + exactness_ / Length(direction_)) {
       Fault("a hit is passed", NumberText(found) + ", by brute force " + NumberText(first));
     }
     if (!answer.hit) return;
-    const Vec3d along = origin_ + direction_ * answer.hit->distance;
+    const Vec3d along = origin_ + direction_ * answer.hit->parameter;
     if (Length(along - answer.hit->point) > exactness_ * 100) {
       Fault("a point beside the ray", NumberText(Length(along - answer.hit->point)));
     }
@@ -191,10 +191,10 @@ class Probing {
     const auto json = nlohmann::json::parse(ran.out, nullptr, false);
     if (!ran.ok() || !json.is_object()) return world_.ErrorFault("probe: command", ran.err);
     const bool hit = json.value("hit", false);
-    const bool same =
-        hit == answer.hit.has_value() &&
-        (!hit || (json.value(ray_ ? "parameter" : "distance", -1.0) == answer.hit->distance &&
-                  json.value("error_bound", -1.0) == answer.error_bound));
+    const bool same = hit == answer.hit.has_value() &&
+                      (!hit || (json.value("distance", -1.0) == answer.hit->distance &&
+                                json.value("parameter", 0.0) == answer.hit->parameter &&
+                                json.value("error_bound", -1.0) == answer.error_bound));
     if (!same) Fault("the command says something else", ran.out);
   }
 

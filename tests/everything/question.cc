@@ -394,9 +394,10 @@ void SetThreshold(const Step& step, const Truth& truth, double diagonal,
     AddOptions(&q->options, Arguments{"--error=" + NumberText(error)});
     SetConstant(q, error);
   } else if (kind == "relative") {
-    const double part = step.Number("error", 0.01);
+    const double percent = 100 * step.Number("error", 0.01);
+    const double part = percent / 100;
     q->json["threshold"] = {{"relative", part}};
-    AddOptions(&q->options, Arguments{"--error-rel=" + NumberText(part)});
+    AddOptions(&q->options, Arguments{"--error=" + NumberText(percent) + "%"});
     SetConstant(q, part * diagonal);
   } else if (kind == "coarsest") {
     q->json["threshold"] = "coarsest";
@@ -514,7 +515,7 @@ Question MakeQuestion(const Step& step, const Truth& truth, double diagonal) {
     const double ms = std::max(0.0, step.Number("ms", 0));
     q.has_time = true;
     q.json["max_milliseconds"] = ms;
-    AddOptions(&q.options, Arguments{"--max-ms", NumberText(ms)});
+    AddOptions(&q.options, Arguments{"--max-milliseconds", NumberText(ms)});
     q.query.max_milliseconds = ms;
   }
   q.clip = step.Flag("clip") && !q.everywhere;

@@ -64,7 +64,7 @@ bool AskKept(const Asked& asked, Answer* answer) {
         if (at < reply->body.size()) reply->body[at] = static_cast<char>(reply->body[at] ^ 0x40);
       });
   const std::string folder = asked.world->Folder("out/kept");
-  const Arguments how{"--cache-dir", folder, "--cache-dir-size",
+  const Arguments how{"--cache-directory", folder, "--cache-directory-bytes",
                       asked.step->Text("kept-size", "1G")};
   Answer first = *answer;
   FromPlace(asked, server.url(), how, &first);

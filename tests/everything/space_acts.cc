@@ -124,7 +124,7 @@ void CopyIntoAct(World& world, const Step& step) {
   const bool fits = all_there && (!conflicts.differ || step.Flag("force"));
   Arguments arguments{"copy", "--json", world.PathOf(from, step.Text("by", "plain")),
                       world.PathOf(to, target.model.exists ? step.Text("by2", "plain") : "plain")};
-  if (step.Flag("force")) arguments.emplace_back("--force");
+  if (step.Flag("force")) arguments.emplace_back("--replace");
   if (step.has("name")) arguments.push_back(NameOf(step));
   ++world.counts().acts;
   const bool was_there = fs::exists(target.path);

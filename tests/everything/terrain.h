@@ -43,7 +43,7 @@ struct Terrain {
   std::string step_z;          // that ingest is told; empty: none
   std::vector<Sample> filled;  // samples that --fill gives a height, which follows from the others
   uint64_t larger_holes = 0;   // that it leaves
-  double rounding = 0;         // that --step-z made
+  double rounding = 0;         // that --height-step made
   double lowest = 0, highest = 0;
   double tolerance = 0;                    // of what is written as text
   std::vector<std::array<double, 4>> rim;  // edges with one triangle: x y x y

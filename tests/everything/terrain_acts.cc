@@ -67,7 +67,7 @@ class TerrainWalk {
   // False: there is nothing to ask.
   bool Ingest() {
     Arguments arguments{"ingest", "--json", "--name=t"};
-    if (!terrain_.step_z.empty()) arguments.push_back("--step-z=" + terrain_.step_z);
+    if (!terrain_.step_z.empty()) arguments.push_back("--height-step=" + terrain_.step_z);
     if (step_.has("fill")) {
       arguments.push_back("--fill=" + std::to_string(std::max<int64_t>(1, step_.Int("fill", 1))));
     }
@@ -81,7 +81,7 @@ class TerrainWalk {
       killed = RunOrKill(world_, step_, arguments).killed;
       if (killed) arguments.insert(arguments.begin() + 1, "--resume");
     }
-    if (!killed && step_.has("operation")) arguments.insert(arguments.begin() + 1, "--force");
+    if (!killed && step_.has("operation")) arguments.insert(arguments.begin() + 1, "--replace");
     const Ran ran = world_.Mtdb(arguments);
     const bool fits = terrain_.HasSurface();
     if (ran.ok() != fits) {
@@ -622,7 +622,7 @@ class TerrainWalk {
     // It may look down as well.
     const auto turned =
         Asked("ingest --terrain of a mesh that looks down",
-              {"ingest", "--json", "--terrain", "--name=m", "--force", Turned(ply), store});
+              {"ingest", "--json", "--terrain", "--name=m", "--replace", Turned(ply), store});
     if (turned && turned->at("triangles") == triangles) {
       CheckLines(store, -1);
     } else if (turned) {

@@ -323,17 +323,18 @@ def test_pictures(db: mtdb.Database) -> None:
     assert mtdb.png(seen).startswith(b"\x89PNG")
     assert "data:image/png" in hill._repr_html_() and "<table>" in db._repr_html_()
     mesh = hill.extract(error=1)
-    for style in ({"view": "top"}, {"up": [0, 1, 0]}, {"smooth": True}, {"draft": True},
+    for style in ({"view": "top"}, {"up": [0, 1, 0]}, {"up": "-y"}, {"smooth": True}, {"draft": True},
                   {"hillshade": True}, {"colour": "height"},
                   {"colour": "normal"}, {"colour": hill.extract(error=3)}, {"scale_bar": True},
                   {"background": (255, 0, 0)}):
         drawn = mesh.render((160, 120), **style)
         assert drawn.shape == (120, 160, 3) and np.any(drawn != mesh.render((160, 120))), style
+    assert np.array_equal(mesh.render((160, 120), up="y"), mesh.render((160, 120), up=[0, 1, 0]))
     clear = hill.render((160, 120), background="transparent", wireframe=True)
     assert clear.shape == (120, 160, 4) and 0 < (clear[:, :, 3] == 0).mean() < 0.9
     assert mtdb.png(clear)[25] == 6  # colour with alpha
     for bad in ({"colour": "nothing"}, {"view": "behind"}, {"background": "red"},
-                {"background": (1, 2)}, {"colour": "normal", "up": [0, 0]}):
+                {"background": (1, 2)}, {"colour": "normal", "up": [0, 0]}, {"up": "w"}):
         with pytest.raises(ValueError):
             mesh.render((160, 120), **bad)
     with pytest.raises(ValueError):

@@ -317,7 +317,7 @@ TEST_CASE("Probes through C are those of C++") {
           MTDB_OK);
   const ProbeAnswer first = CastRay(*o.built.surface, low, direction).value();
   REQUIRE(hit.found == 1);
-  REQUIRE(hit.parameter == first.hit->distance);
+  REQUIRE(hit.parameter == first.hit->parameter);
   const Vec3d met{hit.point[0], hit.point[1], hit.point[2]};
   REQUIRE(hit.distance == Approx(Length(met - low)));
   const double zero[3] = {0, 0, 0};

@@ -186,8 +186,8 @@ TEST_CASE("what is in the folder is not written over", "[tile]") {
   CHECK(ReadText(folder.File("full/mine.txt")) == "x");
   const std::string tiles = folder.File("tiles");
   RunOk({"tile", example.store, tiles});
-  RunFails(1, {"tile", example.store, tiles, "--pixels", "16"}, {"--force"});
-  RunOk({"tile", example.store, tiles, "--pixels", "16", "--force"});
+  RunFails(1, {"tile", example.store, tiles, "--pixels", "16"}, {"--replace"});
+  RunOk({"tile", example.store, tiles, "--pixels", "16", "--replace"});
   CHECK(ReadTileset(tiles).children.empty());
 }
 

@@ -58,14 +58,13 @@ Json Facts(const std::string& store, const Folder& folder) {
   Json facts;
   Json object = RunJson({"info", store}).at("objects").at(0);
   facts["object"] = object;
-  for (const Arguments& query :
-       std::vector<Arguments>{{"--full"},
-                              {"--error-rel", "0.02"},
-                              {"--triangles", "60"},
-                              {"--error-rel", "0.005", "--box=2,2,-1,9,9,9"}}) {
+  for (const Arguments& query : std::vector<Arguments>{{"--full"},
+                                                       {"--error", "2%"},
+                                                       {"--triangles", "60"},
+                                                       {"--error", "0.5%", "--box=2,2,-1,9,9,9"}}) {
     const std::string output = folder.File("mesh.ply");
     Arguments arguments{"extract", store, output};
-    if (object.at("positions") == "grid") arguments.emplace_back("--double");
+    if (object.at("positions") == "grid") arguments.emplace_back("--double-positions");
     arguments.insert(arguments.end(), query.begin(), query.end());
     const Json answer = RunJson(arguments);
     const std::string mesh = ReadText(output);

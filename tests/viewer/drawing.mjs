@@ -84,7 +84,7 @@ test('errors of triangles are drawn as colours, as are rounds and clusters; of a
     kName,
     '--query',
     file('query.json'),
-    '--double',
+    '--double-positions',
   );
   check(
     errors.length === stats.triangles &&

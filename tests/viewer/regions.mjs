@@ -294,7 +294,7 @@ test('a terrain in degrees is drawn in metres, as exact as the camera asks, and 
   );
   // Each sample of the full surface is drawn at most a pixel from where it belongs: heights of the
   // page's mesh at the vertices of the full one that are in sight.
-  run('extract', store, file('full.ply'), '--name', 'degrees', '--full', '--double');
+  run('extract', store, file('full.ply'), '--name', 'degrees', '--full', '--double-positions');
   const full = placesOf(trianglesOfPly(file('full.ply'), terrain), terrain).map(t => t[0]);
   const drawn = placesOf(await trianglesOnScreen(page, 'degrees', terrain), terrain);
   const worst = await page.evaluate(

@@ -395,6 +395,14 @@ test('visitors get the picture, and what the notes beside the page tell', async 
     'the picture has all of the page',
   );
   await close(plain);
+  const several = await open(`${server.url}/?ui=none`);
+  await exact(several);
+  check(!(await several.isVisible('#start')), 'the picture alone has no list of objects');
+  check(
+    (await several.evaluate(() => viewer.scene.objects.size)) === 1,
+    'it is that of the first object',
+  );
+  await close(several);
   for (const [notes, words] of [
     ['none.json', 'the server answers 404'],
     ['broken.json', 'cannot be read'],

@@ -166,7 +166,7 @@ for (const nginx of [false, true])
         '--name',
         format,
         '--quiet',
-        '--force',
+        '--replace',
       );
       run(
         'extract',
@@ -178,7 +178,7 @@ for (const nginx of [false, true])
         '0.002',
         '--box=-0.3,-1.3,0.1,0.4,-0.2,0.8',
         '--clip',
-        ...(format === 'ply' ? ['--double'] : []),
+        ...(format === 'ply' ? ['--double-positions'] : []),
       );
       run(
         'ingest',
@@ -187,7 +187,7 @@ for (const nginx of [false, true])
         '--name',
         `cut ${format}`,
         '--quiet',
-        '--force',
+        '--replace',
       );
       const digests = [format, `cut ${format}`].map(
         name => runJson('info', file('taken.mtdb'), '--name', name).objects[0],
@@ -215,7 +215,7 @@ for (const nginx of [false, true])
     await page.selectOption('#region', '');
     const [download] = await Promise.all([page.waitForEvent('download'), page.click('#take')]);
     writeFileSync(file('utm.glb'), readFileSync(await download.path()));
-    run('ingest', file('utm.glb'), file('taken.mtdb'), '--name', 'utm', '--quiet', '--force');
+    run('ingest', file('utm.glb'), file('taken.mtdb'), '--name', 'utm', '--quiet', '--replace');
     const taken = runJson('info', file('taken.mtdb'), '--name', 'utm').objects[0];
     near(
       Math.max(
@@ -296,7 +296,7 @@ test('a page on a web server says what it cannot show, and shows what it may', a
   check(small.wrong.length === 0, small.wrong.join('; '));
   await close(small);
   await without.stop();
-  run('view', '--write-page', site, '--allow-source', other.url);
+  run('view', '--write-page', site, '--allowed-source', other.url);
   const page = await open(`${web.url}/index.html?src=${other.url}/scan.mtdbp#o=${kName}&px=3`);
   await exact(page);
   same(

@@ -199,7 +199,7 @@ test('a mesh is cut along the planes of its region, and taken as STL', async () 
       '--name',
       format,
       '--quiet',
-      '--force',
+      '--replace',
       '--bits',
       '24',
     );

@@ -353,7 +353,7 @@ export async function extracted(page, store, name, info) {
     name,
     '--query',
     file('query.json'),
-    '--double',
+    '--double-positions',
   );
   return trianglesOfPly(file('extracted.ply'), info);
 }

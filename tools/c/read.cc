@@ -103,8 +103,7 @@ class CallbackSink final : public MeshSink {
   const mtdb_sink sink_;
 };
 
-// `direction`: of a ray; null: of the closest point.
-Status PutAnswer(const Result<ProbeAnswer>& answer, const double* direction, mtdb_hit* hit) {
+Status PutAnswer(const Result<ProbeAnswer>& answer, mtdb_hit* hit) {
   MTDB_RETURN_IF_ERROR(answer.status());
   mtdb_hit filled{};
   if (answer->hit) {
@@ -113,10 +112,7 @@ Status PutAnswer(const Result<ProbeAnswer>& answer, const double* direction, mtd
     filled.excess = answer->excess;
     filled.front = answer->hit->front ? 1 : 0;
     filled.distance = answer->hit->distance;
-    if (direction != nullptr) {
-      filled.parameter = answer->hit->distance;
-      filled.distance = filled.parameter * Length(ToVec(direction));
-    }
+    filled.parameter = answer->hit->parameter;
     Put(answer->hit->point, filled.point);
     for (size_t c = 0; c < 3; ++c) Put(answer->hit->triangle[c], filled.triangle + 3 * c);
   }
@@ -427,7 +423,7 @@ mtdb_code mtdb_find_closest_point(mtdb_object* object, const double point[3], do
     MTDB_ASSIGN_OR_RETURN(auto with, mtdb::internal::ProbeOptionsOf<mtdb::ProbeOptions>(options));
     with.limit = limit;
     return mtdb::internal::PutAnswer(mtdb::FindClosestPoint(*object->surface, ToVec(point), with),
-                                     nullptr, hit);
+                                     hit);
   });
 }
 
@@ -440,6 +436,6 @@ mtdb_code mtdb_cast_ray(mtdb_object* object, const double origin[3], const doubl
     MTDB_ASSIGN_OR_RETURN(auto with, mtdb::internal::ProbeOptionsOf<mtdb::ProbeOptions>(options));
     with.limit = limit;
     return mtdb::internal::PutAnswer(
-        mtdb::CastRay(*object->surface, ToVec(origin), ToVec(direction), with), direction, hit);
+        mtdb::CastRay(*object->surface, ToVec(origin), ToVec(direction), with), hit);
   });
 }

@@ -86,12 +86,12 @@ Result<RenderOptions> StyleOf(const mtdb_render_options& given, const TriangleMe
   if (colour < MTDB_COLOUR_VERTEX || colour > MTDB_COLOUR_HEIGHT) {
     return InvalidArgument("options.colour: is no mtdb_colour");
   }
-  options.colour_by = static_cast<ColourBy>(colour);
-  if (options.colour_by == ColourBy::kAttribute) {
+  options.colour = static_cast<ColourBy>(colour);
+  if (options.colour == ColourBy::kAttribute) {
     if (given.attribute == nullptr) return InvalidArgument("options.attribute: is NULL");
     options.attribute = given.attribute;
   }
-  if (options.colour_by == ColourBy::kDistance) options.reference = &reference;
+  if (options.colour == ColourBy::kDistance) options.reference = &reference;
   if (given.has_range != 0) options.range = {given.range[0], given.range[1]};
   options.legend = given.no_legend == 0;
   options.scale_bar = given.scale_bar != 0;

@@ -125,7 +125,8 @@ CommandLine::CommandLine(std::span<const Verb* const> verbs, const std::string& 
     added->footer(verb->footer);
     added->add_flag("--quiet")->description(
         "print nothing but errors, and JSON where it is asked for");
-    verbs_.emplace_back(added, verb->add(added));
+    VerbOptions options(added);
+    verbs_.emplace_back(added, verb->add(&options));
   }
 }
 

@@ -9,147 +9,135 @@
 
 namespace mtdb {
 
-CLI::Option* IsWritten(CLI::Option* option) {
-  return option->check([](const std::string& text) {
+VerbOption IsWritten(VerbOption option) {
+  return option.Check([](const std::string& text) {
     return Database::IsUrl(text) ? text + ": a URL cannot be written to; give a file" : "";
   });
 }
 
-void AddStore(CLI::App* verb, std::string* store) {
-  verb->add_option("STORE", *store, "the store file, or a packed file or its URL")->required();
+void AddStore(VerbOptions* verb, std::string* store) {
+  verb->Add("STORE", *store, "the store file, or a packed file or its URL").Required();
 }
 
-void AddWrittenStore(CLI::App* verb, std::string* store) {
-  IsWritten(verb->add_option("STORE", *store, "the store file"))->required();
+void AddWrittenStore(VerbOptions* verb, std::string* store) {
+  IsWritten(verb->Add("STORE", *store, "the store file")).Required();
 }
 
-void AddUrl(CLI::App* verb, std::string* url) {
-  verb->add_option("URL", *url, "http://HOST:PORT or http://HOST:PORT/objects/NAME")
-      ->required()
-      ->check([](const std::string& text) { return CheckUrl(text).message(); });
+void AddUrl(VerbOptions* verb, std::string* url) {
+  verb->Add("URL", *url, "http://HOST:PORT or http://HOST:PORT/objects/NAME")
+      .Required()
+      .Check([](const std::string& text) { return CheckUrl(text).message(); });
 }
 
-void AddTimeout(CLI::App* verb, double* seconds) {
+void AddTimeout(VerbOptions* verb, double* seconds) {
   AddParsed(verb, "--timeout", "SECONDS", seconds, ParsePositiveSeconds,
             "give up when the server does nothing for so long")
-      ->default_str("600");
+      .Default("600");
 }
 
-void AddInputFormat(CLI::App* verb, std::string* format) {
-  verb->add_option("--format", *format,
-                   "the format of standard input, where its content does not tell it: " +
-                       SuffixesOf(ReadMeshFormats()) + ", without the dot")
-      ->type_name("FORMAT")
-      ->check([](const std::string& text) { return FindReadMeshFormat(text).status().message(); });
+void AddInputFormat(VerbOptions* verb, std::string* format) {
+  verb->Add("--format", *format,
+            "the format of standard input, where its content does not tell it: " +
+                SuffixesOf(ReadMeshFormats()) + ", without the dot")
+      .Form("FORMAT")
+      .Check([](const std::string& text) { return FindReadMeshFormat(text).status().message(); });
 }
 
-void AddOutput(CLI::App* verb, std::string* output, bool may_be_standard, bool may_be_raster) {
+void AddOutput(VerbOptions* verb, std::string* output, bool may_be_standard, bool may_be_raster) {
   const std::string what = "the mesh file: " + SuffixesOf(WrittenMeshFormats()) +
                            (may_be_standard ? ", or - for standard output (see --format)" : "") +
                            (may_be_raster ? "; of a terrain also a raster: .tif, .asc, .hgt" : "");
-  IsWritten(verb->add_option("OUTPUT", *output, what))
-      ->required()
-      ->check([=](const std::string& text) {
-        if (may_be_standard && text == "-") return std::string();
-        if (may_be_raster && IsRasterOutput(text)) return std::string();
-        return WrittenMeshFormatOf(text).status().message();
-      });
+  IsWritten(verb->Add("OUTPUT", *output, what)).Required().Check([=](const std::string& text) {
+    if (may_be_standard && text == "-") return std::string();
+    if (may_be_raster && IsRasterOutput(text)) return std::string();
+    return WrittenMeshFormatOf(text).status().message();
+  });
 }
 
-void AddName(CLI::App* verb, std::string* name) {
-  verb->add_option("--name", *name, "which object; needed when there are several")
-      ->type_name("NAME");
+void AddName(VerbOptions* verb, std::string* name) {
+  verb->Add("--name", *name, "which object; needed when there are several").Form("NAME");
 }
 
-void AddOnly(CLI::App* verb, std::string* name) {
-  verb->add_option("--name", *name, "this object only")->type_name("NAME");
+void AddOnly(VerbOptions* verb, std::string* name) {
+  verb->Add("--name", *name, "this object only").Form("NAME");
 }
 
-void AddJson(CLI::App* verb, bool* json) {
-  verb->add_flag("--json", *json, "print the result as JSON");
+void AddJson(VerbOptions* verb, bool* json) {
+  verb->AddFlag("--json", *json, "print the result as JSON");
 }
 
-void AddVerbose(CLI::App* verb, bool* verbose) {
-  verb->add_flag("--verbose", *verbose, "tell all that is known of the work that was done");
+void AddVerbose(VerbOptions* verb, bool* verbose) {
+  verb->AddFlag("--verbose", *verbose, "tell all that is known of the work that was done");
 }
 
-void AddCacheDirectory(CLI::App* verb, OpenOptions* options) {
-  CLI::Option* folder =
-      verb->add_option("--cache-dir", options->cache_directory,
-                       "keep what is read of a URL in DIR, so that it need not come again; "
-                       "processes may share DIR")
-          ->type_name("DIR");
-  AddParsed(verb, "--cache-dir-size", "SIZE", &options->cache_directory_bytes, ParseSize,
+void AddCacheDirectory(VerbOptions* verb, OpenOptions* options) {
+  VerbOption folder =
+      verb->Add("--cache-directory", options->cache_directory,
+                "keep what is read of a URL in DIR, so that it need not come again; "
+                "processes may share DIR")
+          .Form("DIR");
+  AddParsed(verb, "--cache-directory-bytes", "SIZE", &options->cache_directory_bytes, ParseSize,
             "keep at most so much there; what was not used for longest goes first")
-      ->default_str("4G")
-      ->needs(folder);
+      .Default("4G")
+      .Needs(folder);
 }
 
-void AddImplicit(CLI::App* verb, bool* implicit) {
-  verb->add_flag("--implicit", *implicit,
-                 "keep clusters in memory as in the store, some 15 times smaller than decoded, and "
-                 "decode what a query needs each time anew; the answers are the same");
+void AddImplicit(VerbOptions* verb, bool* implicit) {
+  verb->AddFlag("--implicit", *implicit,
+                "keep clusters in memory as in the store, some 15 times smaller than decoded, and "
+                "decode what a query needs each time anew; the answers are the same");
 }
 
 namespace {
 
-void AddAccuracyOptions(CLI::App* verb, QueryOptions* q) {
+void AddAccuracyOptions(VerbOptions* verb, QueryOptions* q) {
   const char* group = "How accurate (several: all must hold)";
-  auto* full =
-      verb->add_flag("--full", q->full, "full resolution: the input's triangles (default)");
-  auto* error = AddParsed(verb, "--error", "E", &q->error, ParseNonNegative,
-                          "coarser: within E of the surface, in model units");
-  auto* relative = AddParsed(verb, "--error-rel", "F", &q->error_relative, ParseNonNegative,
-                             "the same as a fraction of the bounding box's diagonal");
-  auto* pixels = AddParsed(verb, "--pixels", "P", &q->pixels, ParsePositive,
-                           "what the camera sees is off by at most P pixels");
-  auto* at = AddParsedList(
+  const VerbOption full =
+      verb->AddFlag("--full", q->full, "full resolution: the input's triangles (default)");
+  const VerbOption error =
+      AddParsed(verb, "--error", "E", &q->error, ParseError,
+                "coarser: within E of the surface, in model units, or E% of the "
+                "bounding box's diagonal");
+  const VerbOption pixels = AddParsed(verb, "--pixels", "P", &q->pixels, ParsePositive,
+                                      "what the camera sees is off by at most P pixels");
+  const VerbOption at = AddParsedList(
       verb, "--error-at", "LAW,X,Y,Z,BASE,F", &q->errors_at, ErrorAtOption,
       "by the distance r from a point; LAW is linear (BASE + F r), quadratic (BASE + F r^2), sqrt "
       "(BASE + F sqrt r) or exp (BASE exp(F r))");
-  auto* outside = AddParsed(verb, "--error-outside", "E", &q->error_outside, ParseNonNegative,
-                            "within E outside of the region too, not as coarse as possible");
-  auto* triangles = AddParsed(verb, "--triangles", "N", &q->triangles, ParseCount,
-                              "at most N triangles, as accurate as they allow");
-  auto* bytes = AddParsed(verb, "--max-bytes", "SIZE", &q->max_bytes, ParseSize,
-                          "read at most SIZE of the store's clusters, as accurate as they allow");
-  auto* time = AddParsed(verb, "--max-ms", "MS", &q->max_ms, ParseNonNegative,
-                         "stop refining after MS milliseconds");
-  for (auto* option : {error, relative, pixels, at, triangles}) full->excludes(option);
-  error->excludes(relative);
-  for (auto* option : {full, error, relative, pixels, at, outside, triangles, bytes, time}) {
-    option->group(group);
+  const VerbOption outside =
+      AddParsed(verb, "--error-outside", "E", &q->error_outside, ParseError,
+                "within E outside of the region too, not as coarse as possible");
+  const VerbOption triangles = AddParsed(verb, "--triangles", "N", &q->triangles, ParseCount,
+                                         "at most N triangles, as accurate as they allow");
+  const VerbOption bytes =
+      AddParsed(verb, "--max-bytes", "SIZE", &q->max_bytes, ParseSize,
+                "read at most SIZE of the store's clusters, as accurate as they allow");
+  const VerbOption time = AddParsed(verb, "--max-milliseconds", "MS", &q->max_milliseconds,
+                                    ParseNonNegative, "stop refining after MS milliseconds");
+  for (const VerbOption option : {error, pixels, at, triangles}) full.Excludes(option);
+  for (const VerbOption option : {full, error, pixels, at, outside, triangles, bytes, time}) {
+    option.Group(group);
   }
 }
 
-void AddRegionOptions(CLI::App* verb, QueryOptions* q) {
+void AddRegionOptions(VerbOptions* verb, QueryOptions* q) {
   const char* group = "Where (several: in any of them; elsewhere as coarse as possible)";
-  const auto add = [&](const char* name, const char* form, auto parse, const char* description) {
-    AddParsedList(verb, name, form, &q->regions, parse, description)->group(group);
-  };
-  add("--box", "X0,Y0,Z0,X1,Y1,Z1", BoxOption, "a box, by two corners");
-  add("--sphere", "X,Y,Z,R", SphereOption, "a ball, by centre and radius");
-  add("--half-space", "X,Y,Z,NX,NY,NZ", HalfSpaceOption,
-      "what is behind the plane through X,Y,Z that faces NX,NY,NZ");
-  add("--prism", "X0,Y0,X1,Y1,...", PrismOption, "above and below a polygon");
-  add("--wedge", "X,Y,DX,DY,ANGLE[,FAR]", WedgeOption,
-      "above and below a wedge at X,Y that looks along DX,DY, ANGLE degrees wide");
-  add("--point", "X,Y,Z", PointRegionOption, "a point");
-  add("--segment", "X0,Y0,Z0,X1,Y1,Z1", SegmentOption, "a segment: a line of sight");
-  add("--tube", "R,X0,Y0,Z0,X1,Y1,Z1,...", TubeOption, "what is within R of a line through points");
-  verb->add_flag("--frustum", q->frustum, "what the camera sees")->group(group);
-  verb->add_flag("--intersect", q->intersect, "what lies in all of the regions, not in any")
-      ->group(group);
-  verb->add_flag("--outside", q->outside, "what lies outside of all that")->group(group);
-  verb->add_flag("--clip", q->clip, "leave out the triangles that do not meet the region")
-      ->group(group);
+  for (const RegionOption& o : RegionOptions()) {
+    AddParsedList(verb, o.name, o.form, &q->regions, o.parse, o.description).Group(group);
+  }
+  verb->AddFlag("--frustum", q->frustum, "what the camera sees").Group(group);
+  verb->AddFlag("--intersect", q->intersect, "what lies in all of the regions, not in any")
+      .Group(group);
+  verb->AddFlag("--outside", q->outside, "what lies outside of all that").Group(group);
+  verb->AddFlag("--clip", q->clip, "leave out the triangles that do not meet the region")
+      .Group(group);
 }
 
-void AddCameraOptions(CLI::App* verb, QueryOptions* q, bool draws) {
+void AddCameraOptions(VerbOptions* verb, QueryOptions* q, bool draws) {
   const char* group = "The camera";
   const auto add = [&](const char* name, const char* form, auto* value, auto parse,
                        const char* description) {
-    AddParsed(verb, name, form, value, parse, description)->group(group);
+    AddParsed(verb, name, form, value, parse, description).Group(group);
   };
   add("--eye", "X,Y,Z", &q->eye, ParsePoint, "where it is");
   add("--target", "X,Y,Z", &q->target, ParsePoint, "what it looks at");
@@ -164,21 +152,21 @@ void AddCameraOptions(CLI::App* verb, QueryOptions* q, bool draws) {
 
 }  // namespace
 
-void AddQueryOptions(CLI::App* verb, QueryArguments* a, bool draws) {
+void AddQueryOptions(VerbOptions* verb, QueryArguments* a, bool draws) {
   AddName(verb, &a->name);
   AddAccuracyOptions(verb, &a->query);
   AddRegionOptions(verb, &a->query);
   AddCameraOptions(verb, &a->query, draws);
-  verb->add_option("--query", a->query.file,
-                   "region and threshold from a JSON file (docs/query.md), or - for standard "
-                   "input: all that the options below say, and more")
-      ->type_name("FILE");
-  verb->add_flag("--print-query", a->print_query,
-                 "print the query as JSON, for --query, and do nothing else");
+  verb->Add("--query", a->query.file,
+            "region and threshold from a JSON file (docs/query.md), or - for standard "
+            "input: all that the options below say, and more")
+      .Form("FILE");
+  verb->AddFlag("--print-query", a->print_query,
+                "print the query as JSON, for --query, and do nothing else");
   AddJson(verb, &a->json);
   AddVerbose(verb, &a->verbose);
   // Called when the verb's arguments are complete.
-  verb->callback([a, draws] {
+  verb->CheckAll([a, draws] {
     Status status = CheckOptions(a->query, draws);
     if (status.ok() && a->view != "auto" && a->query.has_camera() && !a->overview) {
       status = InvalidArgument("--view: does not go with --eye, which says where to look from");
@@ -194,14 +182,15 @@ void AddQueryOptions(CLI::App* verb, QueryArguments* a, bool draws) {
     if (status.ok() && a->output != "-" && !a->output_format.empty()) {
       status = InvalidArgument("--format: is of standard output (-): a file's suffix says it");
     }
-    if (!status.ok()) throw CLI::ValidationError(status.message());
+    return status;
   });
 }
 
-void AddMeshOptions(CLI::App* verb, QueryArguments* a) {
-  verb->add_flag("--normals", a->query.normals,
-                 "add the mesh's normals to its vertices (to .off: also those that it has)");
-  verb->add_flag("--double", a->double_positions, "to .ply: positions as float64 in any case");
+void AddMeshOptions(VerbOptions* verb, QueryArguments* a) {
+  verb->AddFlag("--normals", a->query.normals,
+                "add the mesh's normals to its vertices (to .off: also those that it has)");
+  verb->AddFlag("--double-positions", a->double_positions,
+                "to .ply: positions as float64 in any case");
 }
 
 }  // namespace mtdb

@@ -2,13 +2,14 @@
 #include "tools/cli/raster_ingest.h"
 
 #include <algorithm>
-#include <array>
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
 #include <string_view>
 
+#include "store/base/file_kind.h"
 #include "tools/cli/grouped.h"
+#include "tools/cli/raster_text.h"
 #include "tools/client/printable.h"
 #include "tools/request/report_json.h"
 
@@ -23,28 +24,48 @@ Status CheckOptions(const IngestArguments& a) {
   if (a.lossless) wrong = "--lossless";
   if (a.weld) wrong = "--weld";
   if (a.keep_apart) wrong = "--no-weld";
-  if (a.normal_bits) wrong = "--normals";
-  if (!a.attribute_steps.empty()) wrong = "--attribute";
+  if (a.normal_bits) wrong = "--normal-bits";
+  if (!a.attribute_steps.empty()) wrong = "--attribute-step";
   if (wrong == nullptr) return Status::Ok();
-  return InvalidArgument(std::string(wrong) +
-                         ": is for meshes; a raster's samples lie where they are, and --step-z "
-                         "says to which multiples heights are rounded");
+  return InvalidArgument(
+      std::string(wrong) +
+      ": is for meshes; a raster's samples lie where they are, and --height-step "
+      "says to which multiples heights are rounded");
+}
+
+// How the file begins; nothing for what is no file.
+std::string StartOf(const std::string& path) {
+  std::error_code error;
+  if (path == "-" || !std::filesystem::is_regular_file(path, error)) return "";
+  std::string start(kFileKindBytes, '\0');
+  std::ifstream file(path, std::ios::binary);
+  file.read(start.data(), static_cast<std::streamsize>(start.size()));
+  start.resize(static_cast<size_t>(file.gcount()));
+  return start;
 }
 
 }  // namespace
 
 Status CheckNoPicture(const std::vector<std::string>& inputs) {
   for (const std::string& path : inputs) {
-    std::error_code error;
-    if (path == "-" || !std::filesystem::is_regular_file(path, error)) continue;
-    std::array<char, 8> head{};
-    std::ifstream(path, std::ios::binary).read(head.data(), head.size());
-    const std::string_view bytes(head.data(), head.size());
-    const bool png = bytes.starts_with("\x89PNG\r\n"), jpeg = bytes.starts_with("\xff\xd8\xff");
+    const std::string start = StartOf(path);
+    const bool png = start.starts_with("\x89PNG\r\n"), jpeg = start.starts_with("\xff\xd8\xff");
     if (!png && !jpeg) continue;
     return BadInput(path + ": is a picture (" + (png ? "PNG" : "JPEG") +
                     "), and neither a mesh nor a raster of heights; --drape of extract, render and "
                     "view lays one over a surface");
+  }
+  return Status::Ok();
+}
+
+Status CheckNoStore(const std::vector<std::string>& inputs) {
+  for (const std::string& path : inputs) {
+    const std::string start = StartOf(path);
+    const bool store = SeemsStore(start);
+    if (!store && !SeemsPackedFile(start)) continue;
+    return BadInput(path + ": is " + std::string(KindOfFile(start)) + ", not a mesh; 'mtdb " +
+                    (store ? "copy" : "unpack") +
+                    "' takes its objects to a store, 'mtdb extract' writes one as a mesh file");
   }
   return Status::Ok();
 }
@@ -56,7 +77,7 @@ Result<std::unique_ptr<RasterIngest>> RasterIngest::Open(const IngestArguments& 
   if (rasters == 0) {
     if (arguments.fill) return InvalidArgument("--fill: closes holes of rasters, not of meshes");
     if (!arguments.step_z) return std::unique_ptr<RasterIngest>();
-    return InvalidArgument("--step-z: is for rasters; --step rounds the positions of a mesh");
+    return InvalidArgument("--height-step: is for rasters; --step rounds the positions of a mesh");
   }
   MTDB_RETURN_IF_ERROR(CheckOptions(arguments));
   std::vector<std::unique_ptr<RasterReader>> files;
@@ -92,7 +113,7 @@ std::vector<std::string> RasterIngest::Notes() const {
   const RasterMeshReport& r = input_->report();
   if (input_->height_step_reason() == HeightStepReason::kChosen) {
     notes.push_back(
-        Formatted("heights are rounded to steps of %.9g: %s; --step-z chooses other steps",
+        Formatted("heights are rounded to steps of %.9g: %s; --height-step chooses other steps",
                   input_->height_step(), HeightStepReasonText(input_->height_step_reason())));
   }
   if (r.filled.holes > 0 || r.filled.left > 0) {
@@ -130,11 +151,13 @@ void RasterIngest::Print(const std::string& name) const {
   const RasterInfo& info = input_->info();
   const RasterFrame& f = info.frame;
   std::printf("%s\n", Printable(name).c_str());
-  std::printf("  raster       %u x %u samples, %s, %s\n", f.columns, f.rows,
-              Printable(f.sample_type).c_str(), Printable(info.format).c_str());
+  std::printf("  raster       %s, %s\n", RasterSizeText(f).c_str(), Printable(info.format).c_str());
+  std::printf("  samples      %s\n", SamplePlacesText(f).c_str());
   const std::string units = f.height_units.empty() ? "" : " " + Printable(f.height_units);
-  std::printf("  heights      steps of %.9g%s: %s\n", input_->height_step(), units.c_str(),
+  std::printf("  heights      steps of %.9g%s: %s", input_->height_step(), units.c_str(),
               HeightStepReasonText(input_->height_step_reason()));
+  if (f.nodata) std::printf("; nodata is %.9g", *f.nodata);
+  std::printf("\n");
   for (const std::string& note : info.notes) std::printf("  note: %s\n", Printable(note).c_str());
   std::printf("  crs          %s\n", info.crs.empty() ? "not known" : Printable(info.crs).c_str());
 }

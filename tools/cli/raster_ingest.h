@@ -16,6 +16,8 @@ namespace mtdb {
 // kBadInput for an input that is a picture (PNG, JPEG), whose pixels are neither a mesh nor
 // heights.
 Status CheckNoPicture(const std::vector<std::string>& inputs);
+// kBadInput for an input that is a file of mtdb itself.
+Status CheckNoStore(const std::vector<std::string>& inputs);
 
 // The joined raster of the inputs, while it is read. Stays where it is.
 class RasterIngest {

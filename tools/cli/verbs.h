@@ -7,10 +7,7 @@
 #include <string>
 
 #include "store/base/status.h"
-
-namespace CLI {
-class App;
-}
+#include "tools/cli/verb_options.h"
 
 namespace mtdb {
 
@@ -29,7 +26,7 @@ struct Verb {
   const char* footer;  // of its help: examples, and where more is said
   // Adds the arguments and options. What it returns is run when they have been read; it keeps what
   // they fill.
-  RunVerb (*add)(CLI::App* verb);
+  RunVerb (*add)(VerbOptions* verb);
 };
 
 extern const Verb kIngestVerb, kInfoVerb, kListVerb, kExtractVerb, kVerifyVerb, kRenderVerb,

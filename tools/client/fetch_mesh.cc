@@ -71,7 +71,7 @@ Result<FetchAnswer> FetchMesh(const std::string& url, const std::string& query,
   MTDB_ASSIGN_OR_RETURN(const HttpResponse response,
                         client->Send("POST",
                                      answer.path + "/mesh?format=" + options.format +
-                                         (options.double_positions ? "&double" : ""),
+                                         (options.double_positions ? "&double-positions" : ""),
                                      query, take));
   if (response.status != 200) return Refused(where, response.status, text);
   // A mesh without triangles may be a file without bytes.

@@ -434,8 +434,8 @@ void ForEachRow(int rows, Work work) {
 
 Legend LegendOf(const RenderOptions& options, std::array<double, 2> range) {
   Legend legend{options.attribute, "", range[0], range[1]};
-  if (options.colour_by == ColourBy::kDistance) legend.title = "error";
-  if (options.colour_by == ColourBy::kHeight) {
+  if (options.colour == ColourBy::kDistance) legend.title = "error";
+  if (options.colour == ColourBy::kHeight) {
     legend = {"height", options.height_units, range[0], range[1], TintOfHeight};
   }
   return legend;
@@ -451,7 +451,7 @@ void Paint(const Scene& scene, Colours& colours, const DrapedImage* drape, const
   image->rgb.assign(3 * pixels, 0);
   image->alpha.assign(options.transparent ? pixels : 0, 0);
   std::vector<float> values;
-  if (options.colour_by == ColourBy::kDistance) {
+  if (options.colour == ColourBy::kDistance) {
     values.resize(pixels);
     ForEachRow(options.height, [&](int y) {
       painter.MeasureRow(y, values.data() + width * static_cast<size_t>(y));

@@ -53,7 +53,7 @@ struct RenderOptions {
   // Draws what it sees instead; its viewport, near and far do not matter.
   std::optional<Camera> camera;
 
-  ColourBy colour_by = ColourBy::kVertexColours;
+  ColourBy colour = ColourBy::kVertexColours;
   std::string attribute;
   const TriangleMesh* reference = nullptr;
   // The values with the first and the last colour; none: the least and the largest of the mesh, or

@@ -2,13 +2,12 @@
 #include "tools/render/view.h"
 
 #include <cmath>
-#include <utility>
 
 namespace mtdb {
 
 namespace {
 
-constexpr double kBroader = 1.25;
+constexpr double kBroader = 1.75;  // as tools/viewer/src/navigation.ts has them
 constexpr double kFlat = 0.3;
 
 Vec3d Unit(Vec3d v) {
@@ -33,7 +32,7 @@ Vec3d UpOfView(Vec3d direction, Vec3d up) {
 
 Vec3d ViewDirection(std::string_view name, Vec3d up, std::span<const Vec3d> points) {
   up = Unit(up);
-  Vec3d front = FrontDirection(up), right = Cross(front, up);
+  const Vec3d front = FrontDirection(up), right = Cross(front, up);
   if (name == "front") return front;
   if (name == "back") return front * -1.0;
   if (name == "left") return right;
@@ -41,14 +40,11 @@ Vec3d ViewDirection(std::string_view name, Vec3d up, std::span<const Vec3d> poin
   if (name == "top") return up * -1.0;
   if (name == "bottom") return up;
   if (name == "iso") return Unit(front - right - up);
-  double width = ExtentAlong(points, right), depth = ExtentAlong(points, front);
-  if (depth > kBroader * width) {
-    std::swap(width, depth);
-    front = right * -1.0;
-    right = Cross(front, up);
-  }
-  const bool flat = ExtentAlong(points, up) < kFlat * width;
-  return Unit(front * 0.86 - right * 0.42 - up * (flat ? 0.8 : 0.34));
+  const double width = ExtentAlong(points, right), depth = ExtentAlong(points, front);
+  const bool broad = depth > kBroader * width;
+  const bool flat = ExtentAlong(points, up) < kFlat * (broad ? depth : width);
+  return Unit(front * (broad ? 0.42 : 0.86) - right * (broad ? 0.86 : 0.42) -
+              up * (flat ? 0.8 : 0.34));
 }
 
 }  // namespace mtdb

@@ -109,6 +109,24 @@ Result<double> ParsePositive(const std::string& text) {
   return value;
 }
 
+Result<AskedError> ParseError(const std::string& text) {
+  AskedError error;
+  error.relative = text.ends_with('%');
+  const std::string_view number = std::string_view(text).substr(0, text.size() - error.relative);
+  if (!ParseWhole(number, &error.value) || !(error.value >= 0 && error.value <= kMaxCoordinate)) {
+    return Unexpected(text,
+                      "a number that is not negative, at most 1e30, or a percentage of the "
+                      "object's diagonal, as 0.1%");
+  }
+  if (error.relative) error.value /= 100;
+  return error;
+}
+
+double ErrorModelOf(const std::optional<AskedError>& error, double diagonal) {
+  if (!error) return -1;
+  return error->relative ? error->value * diagonal : error->value;
+}
+
 Result<double> ParseSeconds(const std::string& text) {
   const Result<double> value = ParseNonNegative(text);
   if (value.ok() && *value <= kLargestSeconds) return value;

@@ -4,6 +4,7 @@
 
 #include <array>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -27,6 +28,15 @@ Status Unexpected(const std::string& text, const std::string& expected);
 // Of at most 1e30, as queries have them.
 Result<double> ParseNonNegative(const std::string& text);
 Result<double> ParsePositive(const std::string& text);
+// An error that is good enough: a length, or a part of the object's diagonal.
+struct AskedError {
+  double value = 0;
+  bool relative = false;
+};
+// "0.5", or "5%" of the diagonal; not negative.
+Result<AskedError> ParseError(const std::string& text);
+// In model units of an object of this diagonal; negative for none, which asks for full resolution.
+double ErrorModelOf(const std::optional<AskedError>& error, double diagonal);
 // Of at most 1e9, some 30 years.
 Result<double> ParseSeconds(const std::string& text);
 Result<double> ParsePositiveSeconds(const std::string& text);

@@ -28,6 +28,10 @@ Result<Json> CheckedRegion(const std::string& text, Json region) {
   return Checked(text, std::move(region), status);
 }
 
+Json ThresholdOf(const AskedError& error) {
+  return error.relative ? Json{{"relative", error.value}} : Json(error.value);
+}
+
 // One part as it is, several as the list of a part that puts them together.
 Json Together(const char* key, Json::Array parts) {
   if (parts.size() == 1) return std::move(parts[0]);
@@ -39,14 +43,6 @@ Result<Json> ReadQueryFile(const std::string& path) {
   MTDB_ASSIGN_OR_RETURN(const std::string text, ReadFile(path, kMostBytes));
   Result<Json> json = ParseQueryText(text);
   if (!json.ok()) return Status(json.status().code(), path + ": " + json.status().message());
-  return json;
-}
-
-}  // namespace
-
-Result<Json> ParseQueryText(const std::string& text) {
-  MTDB_ASSIGN_OR_RETURN(Json json, Json::Parse(text, kDeepestQuery));
-  MTDB_RETURN_IF_ERROR(QueryFromJson(json, 0).status());
   return json;
 }
 
@@ -113,6 +109,29 @@ Result<Json> WedgeOption(const std::string& text) {
   return CheckedRegion(text, {{"wedge", wedge}});
 }
 
+constexpr RegionOption kRegionOptions[] = {
+    {"--box", "X0,Y0,Z0,X1,Y1,Z1", BoxOption, "a box, by two corners"},
+    {"--sphere", "X,Y,Z,R", SphereOption, "a ball, by centre and radius"},
+    {"--half-space", "X,Y,Z,NX,NY,NZ", HalfSpaceOption,
+     "what is behind the plane through X,Y,Z that faces NX,NY,NZ"},
+    {"--prism", "X0,Y0,X1,Y1,...", PrismOption, "above and below a polygon"},
+    {"--wedge", "X,Y,DX,DY,ANGLE[,FAR]", WedgeOption,
+     "above and below a wedge at X,Y that looks along DX,DY, ANGLE degrees wide"},
+    {"--point", "X,Y,Z", PointRegionOption, "a point"},
+    {"--segment", "X0,Y0,Z0,X1,Y1,Z1", SegmentOption, "a segment: a line of sight"},
+    {"--tube", "R,X0,Y0,Z0,X1,Y1,Z1,...", TubeOption, "what is within R of a line through points"},
+};
+
+}  // namespace
+
+std::span<const RegionOption> RegionOptions() { return kRegionOptions; }
+
+Result<Json> ParseQueryText(const std::string& text) {
+  MTDB_ASSIGN_OR_RETURN(Json json, Json::Parse(text, kDeepestQuery));
+  MTDB_RETURN_IF_ERROR(QueryFromJson(json, 0).status());
+  return json;
+}
+
 Result<Json> ErrorAtOption(const std::string& text) {
   // A law, its key, and that of its last number.
   constexpr const char* kLaws[][3] = {{"linear", "linear", "slope"},
@@ -134,8 +153,7 @@ Result<Json> ErrorAtOption(const std::string& text) {
 
 Status CheckOptions(const QueryOptions& o, bool draws) {
   const bool region = o.frustum || !o.regions.empty();
-  const bool threshold =
-      o.full || o.error || o.error_relative || o.pixels || o.error_outside || !o.errors_at.empty();
+  const bool threshold = o.full || o.error || o.pixels || o.error_outside || !o.errors_at.empty();
   const auto wrong = [](const std::string& option, const char* why) {
     return InvalidArgument(option + ": " + why);
   };
@@ -201,8 +219,7 @@ Result<Json> QueryOf(const QueryOptions& o, const Extent& viewport) {
     if (!regions.empty()) region = Together(o.intersect ? "intersection" : "union", regions);
     if (o.outside) region = {{"outside", region}};
     Json::Array thresholds = o.errors_at;
-    if (o.error) thresholds.push_back(*o.error);
-    if (o.error_relative) thresholds.push_back({{"relative", *o.error_relative}});
+    if (o.error) thresholds.push_back(ThresholdOf(*o.error));
     if (o.pixels) {
       thresholds.push_back(
           {{"screen", {{"camera", CameraOf(o, viewport)}, {"pixels", *o.pixels}}}});
@@ -211,7 +228,9 @@ Result<Json> QueryOf(const QueryOptions& o, const Extent& viewport) {
     Json threshold = Together("smallest", thresholds);
     if (o.error_outside) {
       threshold = {{"by_region",
-                    {{"region", region}, {"inside", threshold}, {"outside", *o.error_outside}}}};
+                    {{"region", region},
+                     {"inside", threshold},
+                     {"outside", ThresholdOf(*o.error_outside)}}}};
     } else if (!regions.empty()) {
       query["region"] = region;
     }
@@ -219,7 +238,7 @@ Result<Json> QueryOf(const QueryOptions& o, const Extent& viewport) {
   }
   if (o.triangles) query["max_triangles"] = *o.triangles;
   if (o.max_bytes) query["max_bytes"] = *o.max_bytes;
-  if (o.max_ms) query["max_milliseconds"] = *o.max_ms;
+  if (o.max_milliseconds) query["max_milliseconds"] = *o.max_milliseconds;
   if (o.clip) query["clip"] = true;
   if (o.normals) query["normals"] = true;
   return query;

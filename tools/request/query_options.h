@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -16,14 +17,13 @@ namespace mtdb {
 // Parts of a query are as docs/query.md has them.
 struct QueryOptions {
   bool full = false;
-  std::optional<double> error;           // model units
-  std::optional<double> error_relative;  // of the diagonal
+  std::optional<AskedError> error;
   std::optional<double> pixels;
-  Json::Array errors_at;                // thresholds by distance from a point
-  std::optional<double> error_outside;  // of the regions
+  Json::Array errors_at;                    // thresholds by distance from a point
+  std::optional<AskedError> error_outside;  // of the regions
   std::optional<uint64_t> triangles;
   std::optional<uint64_t> max_bytes;
-  std::optional<double> max_ms;
+  std::optional<double> max_milliseconds;
   bool normals = false;
 
   Json::Array regions;
@@ -41,16 +41,16 @@ struct QueryOptions {
   bool has_camera() const { return eye && target; }
 };
 
-// The texts of options as parts of a query. An error is kInvalidArgument and says what was
-// expected.
-Result<Json> BoxOption(const std::string& text);
-Result<Json> SphereOption(const std::string& text);
-Result<Json> HalfSpaceOption(const std::string& text);
-Result<Json> PointRegionOption(const std::string& text);
-Result<Json> SegmentOption(const std::string& text);
-Result<Json> TubeOption(const std::string& text);
-Result<Json> PrismOption(const std::string& text);
-Result<Json> WedgeOption(const std::string& text);
+// An option of the command line, and parameter of the server, that is a region.
+struct RegionOption {
+  const char* name;  // "--box"
+  const char* form;  // of its text, which `parse` turns into a part of a query
+  Result<Json> (*parse)(const std::string& text);
+  const char* description;
+};
+// As help lists them. An error of `parse` is kInvalidArgument and says what was expected.
+std::span<const RegionOption> RegionOptions();
+// Likewise the text of a threshold by distance.
 Result<Json> ErrorAtOption(const std::string& text);
 
 // Finds options that lack others or do not go with them. `draws`: the camera alone is of use.

@@ -128,7 +128,8 @@ Json ProbeJson(const ObjectRecord& record, const ProbeAnswer& answer, bool ray) 
   Json json = {{"object", record.name}, {"hit", answer.hit.has_value()}};
   if (answer.hit) {
     json["point"] = Json(answer.hit->point);
-    json[ray ? "parameter" : "distance"] = answer.hit->distance;
+    json["distance"] = answer.hit->distance;
+    if (ray) json["parameter"] = answer.hit->parameter;
     json["front"] = answer.hit->front;
     json["triangle"] = Json::Array();
     for (const Vec3d& p : answer.hit->triangle) json["triangle"].push_back(Json(p));

@@ -21,7 +21,7 @@ Json RasterJson(const RasterFrame& frame, const std::string& crs);
 // All objects, as `list` has them.
 Json CatalogJson(const std::vector<ObjectRecord>& records);
 Json ChecksJson(const CheckReport& report);
-// What a probe of an object found. A ray's hit has a "parameter", a point's a "distance".
+// What a probe of an object found. A ray's hit has a "parameter", too.
 Json ProbeJson(const ObjectRecord& record, const ProbeAnswer& answer, bool ray);
 // "accuracy", "triangles", ...
 const char* LimitName(QueryLimit limit);

@@ -113,7 +113,7 @@ Status TileFolder::ReadRecord(bool force) {
   } else if (!force) {
     return {StatusCode::kAlreadyExists,
             path_ +
-                ": the folder has tiles of another object, version or accuracy; --force "
+                ": the folder has tiles of another object, version or accuracy; --replace "
                 "replaces them"};
   }
   if (progress_.is_object() && progress_.contains("levels")) return Status::Ok();

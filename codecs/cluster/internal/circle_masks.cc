@@ -35,7 +35,7 @@ Circle::Box Circle::box() const {
 CircleMasks::CircleMasks() {
   static const std::vector<CircleMask> kMasks = MakeSmall();
   small_ = kMasks.data();
-  table_.resize(64);
+  table_.Reset(64);
 }
 
 std::vector<CircleMask> CircleMasks::MakeSmall() {
@@ -65,10 +65,10 @@ Disc CircleMasks::FindOther(LatticePoint a, LatticePoint b, LatticePoint c) {
   c = {c.x - a.x, c.y - a.y + kSide};
   if (static_cast<uint64_t>(b.x | c.x | b.y | c.y) >= 2 * kSide) return {0, 0, nullptr};
   const auto shape = static_cast<uint32_t>(b.x << 15 | b.y << 10 | c.x << 5 | c.y);
-  size_t i = Home(shape);
-  while (table_[i] != nullptr && table_[i]->shape != shape) i = (i + 1) & (table_.size() - 1);
+  const CircleMask* const known = table_.Find(
+      HashOfNumber(shape), [shape](const CircleMask* other) { return other->shape == shape; });
   const CircleMask& mask =
-      table_[i] != nullptr ? *table_[i] : Add(shape, {b.x, b.y - kSide}, {c.x, c.y - kSide});
+      known != nullptr ? *known : Add(shape, {b.x, b.y - kSide}, {c.x, c.y - kSide});
   if (mask.large) return {0, 0, nullptr};
   return {static_cast<int32_t>(a.x) + mask.x, static_cast<int32_t>(a.y) + mask.y, &mask};
 }
@@ -77,17 +77,9 @@ const CircleMask& CircleMasks::Add(uint32_t shape, LatticePoint b, LatticePoint 
   CircleMask& added = *others_.emplace_back(std::make_unique<CircleMask>());
   added.shape = shape;
   Set({{0, 0}, b, c}, added);
-  const auto list = [&](const CircleMask& mask) {
-    size_t i = Home(mask.shape);
-    while (table_[i] != nullptr) i = (i + 1) & (table_.size() - 1);
-    table_[i] = &mask;
-  };
-  if (2 * others_.size() <= table_.size()) {
-    list(added);
-  } else {
-    table_.assign(2 * table_.size(), nullptr);
-    for (const std::unique_ptr<CircleMask>& mask : others_) list(*mask);
-  }
+  const auto hash_of = [](const CircleMask* mask) { return HashOfNumber(mask->shape); };
+  if (2 * others_.size() > table_.size()) table_.Resize(2 * table_.size(), hash_of);
+  table_.FindEmpty(hash_of(&added)) = &added;
   return added;
 }
 

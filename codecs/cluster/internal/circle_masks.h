@@ -13,6 +13,7 @@
 
 #include "store/base/ids.h"
 #include "store/base/in_circle.h"
+#include "store/base/open_table.h"
 
 namespace mtdb::internal {
 
@@ -118,13 +119,10 @@ class CircleMasks {
   static void Set(const Circle& circle, CircleMask& mask);
   Disc FindOther(LatticePoint a, LatticePoint b, LatticePoint c);
   const CircleMask& Add(uint32_t shape, LatticePoint b, LatticePoint c);
-  size_t Home(uint32_t shape) const {
-    return shape * uint32_t{0x9e3779b1} >> 12 & (table_.size() - 1);
-  }
 
   const CircleMask* small_;
   std::vector<std::unique_ptr<CircleMask>> others_;
-  std::vector<const CircleMask*> table_;  // others_ by shape, with open addressing
+  OpenTable<const CircleMask*> table_;  // others_ by shape
 };
 
 inline uint32_t CircleMasks::SmallShape(int64_t bx, int64_t by, int64_t cx, int64_t cy) {

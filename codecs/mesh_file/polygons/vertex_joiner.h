@@ -8,6 +8,7 @@
 
 #include "store/base/geometry.h"
 #include "store/base/ids.h"
+#include "store/base/open_table.h"
 #include "store/base/position_hash.h"
 
 namespace mtdb::internal {
@@ -24,44 +25,38 @@ class VertexJoiner {
   uint32_t Add(Position p, bool* added) {
     p = p + Position{};  // -0 + 0 = +0
     if (full()) Grow();
-    size_t slot = HashOfPosition(p) & (slots_.size() - 1);
-    for (; slots_[slot] != kNone32; slot = (slot + 1) & (slots_.size() - 1)) {
-      if (positions_[slots_[slot]] == p) {
-        *added = false;
-        return slots_[slot];
-      }
+    uint32_t& slot = table_.Find(HashOfPosition(p), [&](uint32_t i) { return positions_[i] == p; });
+    *added = slot == kNone32;
+    if (*added) {
+      slot = static_cast<uint32_t>(positions_.size());
+      positions_.push_back(p);
     }
-    *added = true;
-    slots_[slot] = static_cast<uint32_t>(positions_.size());
-    positions_.push_back(p);
-    return slots_[slot];
+    return slot;
   }
   size_t size() const { return positions_.size(); }
   // What the next vertex may make it take in bytes, at most and for a moment.
-  uint64_t next_bytes() const { return full() ? 3 * PositionBytes(slots_.size()) : bytes_; }
+  uint64_t next_bytes() const { return full() ? 3 * PositionBytes(table_.size()) : bytes_; }
   Position position(uint32_t index) const { return positions_[index]; }
 
  private:
   static size_t Room(size_t slots) { return slots / 4 * 3; }
   static uint64_t PositionBytes(size_t slots) { return uint64_t{Room(slots)} * sizeof(Position); }
-  bool full() const { return positions_.size() >= Room(slots_.size()); }
+  bool full() const { return positions_.size() >= Room(table_.size()); }
 
   void Grow() {
     constexpr size_t kFirstSlots = 1024;
-    const size_t size = slots_.empty() ? kFirstSlots : slots_.size() * 2;
-    slots_ = {};  // its memory first
+    const size_t size = table_.size() == 0 ? kFirstSlots : table_.size() * 2;
+    table_.Release();  // its memory first
     positions_.reserve(Room(size));
-    slots_.assign(size, kNone32);
+    table_.Reset(size);
     bytes_ = PositionBytes(size) + size * sizeof(uint32_t);
     for (size_t i = 0; i < positions_.size(); ++i) {
-      size_t slot = HashOfPosition(positions_[i]) & (size - 1);
-      while (slots_[slot] != kNone32) slot = (slot + 1) & (size - 1);
-      slots_[slot] = static_cast<uint32_t>(i);
+      table_.FindEmpty(HashOfPosition(positions_[i])) = static_cast<uint32_t>(i);
     }
   }
 
   std::vector<Position> positions_;
-  std::vector<uint32_t> slots_;
+  OpenTable<uint32_t> table_;  // indices
   uint64_t bytes_ = 0;
 };
 

@@ -2,16 +2,18 @@
 // FlatMap: a hash table in one array, for many small entries that come and go together.
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <type_traits>
 #include <utility>
-#include <vector>
+
+#include "store/base/open_table.h"
 
 namespace mtdb::internal {
 
 struct NumberHash {
-  uint64_t operator()(uint64_t number) const { return number * 0x9e3779b97f4a7c15ull; }
+  uint64_t operator()(uint64_t number) const { return HashOfNumber(number); }
 };
 
 // With linear probing, at most half full. `Hash` spreads keys over the first bits of 64. Pointers
@@ -24,13 +26,13 @@ class FlatMap {
   bool Has(const Key& key) const { return Find(key) != nullptr; }
   const Value* Find(const Key& key) const {
     if (size_ == 0) return nullptr;
-    const Entry& entry = entries_[PlaceOf(key)];
+    const Entry& entry = table_.Find(Hash{}(key), Is{key});
     return entry.used ? &entry.value : nullptr;
   }
   // False, and nothing changes, when the key is there.
   bool Insert(const Key& key, const Value& value) {
-    if (2 * (size_ + 1) > entries_.size()) Grow(size_ + 1);
-    Entry& entry = entries_[PlaceOf(key)];
+    Reserve(size_ + 1);
+    Entry& entry = table_.Find(Hash{}(key), Is{key});
     if (entry.used) return false;
     entry = {key, value, true};
     ++size_;
@@ -38,34 +40,25 @@ class FlatMap {
   }
   // Over what is there.
   void Put(const Key& key, const Value& value) {
-    if (Insert(key, value)) return;
-    entries_[PlaceOf(key)].value = value;
+    if (!Insert(key, value)) table_.Find(Hash{}(key), Is{key}).value = value;
   }
   // Whether it was there.
   bool Erase(const Key& key) {
     if (size_ == 0) return false;
-    size_t hole = PlaceOf(key);
-    if (!entries_[hole].used) return false;
-    // What follows moves up, unless it lies between its home and the hole.
-    const size_t mask = entries_.size() - 1;
-    for (size_t i = (hole + 1) & mask; entries_[i].used; i = (i + 1) & mask) {
-      if (((i - Home(entries_[i].key)) & mask) < ((i - hole) & mask)) continue;
-      entries_[hole] = entries_[i];
-      hole = i;
-    }
-    entries_[hole].used = false;
+    Entry& entry = table_.Find(Hash{}(key), Is{key});
+    if (!entry.used) return false;
+    table_.Erase(entry, HashOf);
     --size_;
     return true;
   }
   void Reserve(size_t count) {
-    if (2 * count > entries_.size()) Grow(count);
+    if (2 * count <= table_.size()) return;
+    table_.Resize(std::max({size_t{16}, 2 * count, 2 * table_.size()}), HashOf);
   }
   // Calls f(key, value) for each, in no order.
   template <typename F>
   void ForEach(F&& f) const {
-    for (const Entry& entry : entries_) {
-      if (entry.used) f(entry.key, entry.value);
-    }
+    table_.ForEach([&](const Entry& entry) { f(entry.key, entry.value); });
   }
 
  private:
@@ -73,29 +66,16 @@ class FlatMap {
     Key key{};
     Value value{};
     bool used = false;
+    bool empty() const { return !used; }
   };
-  size_t Home(const Key& key) const { return Hash{}(key) >> shift_; }
-  // Where the key is, or would be.
-  size_t PlaceOf(const Key& key) const {
-    size_t i = Home(key);
-    while (entries_[i].used && !(entries_[i].key == key)) i = (i + 1) & (entries_.size() - 1);
-    return i;
-  }
-  void Grow(size_t count) {
-    size_t size = 16;
-    int bits = 4;
-    for (; size < 2 * count || size <= entries_.size(); size *= 2) ++bits;
-    std::vector<Entry> old(size);
-    old.swap(entries_);
-    shift_ = 64 - bits;
-    for (const Entry& entry : old) {
-      if (entry.used) entries_[PlaceOf(entry.key)] = entry;
-    }
-  }
+  struct Is {
+    const Key& key;
+    bool operator()(const Entry& entry) const { return entry.key == key; }
+  };
+  static uint64_t HashOf(const Entry& entry) { return Hash{}(entry.key); }
 
-  std::vector<Entry> entries_;
+  OpenTable<Entry> table_;
   size_t size_ = 0;
-  int shift_ = 60;
 };
 
 struct Nothing {};

@@ -4,18 +4,18 @@
 
 #include <algorithm>
 #include <array>
-#include <bit>
 #include <cstddef>
 #include <cstdint>
 #include <vector>
 
 #include "codecs/stream/internal/memory_bytes.h"
 #include "store/base/ids.h"
+#include "store/base/open_table.h"
 
 namespace mtdb::internal {
 
 // Keys that follow each other lie in one page: what a node creates has such keys, and comes and
-// goes together. Pages are found by a hash table with linear probing, at most half full, of their
+// goes together. Pages are found by a hash table of their
 // numbers; for each slot there is the number and the place of its key.
 class KeyTable {
  public:
@@ -58,11 +58,11 @@ class KeyTable {
   }
   // Asks for the memory that a search begins with, and when that is there for what it ends with.
   [[gnu::always_inline]] void Prefetch(uint64_t key) const {
-    if (!table_.empty()) __builtin_prefetch(&table_[Home(key / kPage)]);
+    if (table_.size() != 0) __builtin_prefetch(&table_.Home(HashOfNumber(key / kPage)));
   }
   [[gnu::always_inline]] void PrefetchPage(uint64_t key) const {
-    if (table_.empty()) return;
-    const uint32_t page = table_[Home(key / kPage)];
+    if (table_.size() == 0) return;
+    const uint32_t page = table_.Home(HashOfNumber(key / kPage));
     if (page != kNone32) __builtin_prefetch(&pages_[page].slots[key % kPage]);
   }
   // Likewise of the key of a slot that is there.
@@ -73,7 +73,7 @@ class KeyTable {
     __builtin_prefetch(&pages_[places_[slot] / kPage].slots[places_[slot] % kPage]);
   }
   size_t memory_bytes() const {
-    return CapacityBytes(pages_) + CapacityBytes(free_) + CapacityBytes(table_) +
+    return CapacityBytes(pages_) + CapacityBytes(free_) + table_.memory_bytes() +
            CapacityBytes(places_);
   }
 
@@ -85,21 +85,23 @@ class KeyTable {
     std::array<uint32_t, kPage> slots;  // kNone32: the key is not there
   };
 
-  size_t Home(uint64_t number) const { return number * 0x9e3779b97f4a7c15ull >> shift_; }
+  struct HashOfPage {
+    const std::vector<Page>& pages;
+    uint64_t operator()(uint32_t page) const { return HashOfNumber(pages[page].number); }
+  };
   // Where the page is in the table, or would be.
-  size_t PlaceOf(uint64_t number) const {
-    size_t i = Home(number);
-    while (table_[i] != kNone32 && pages_[table_[i]].number != number) {
-      i = (i + 1) & (table_.size() - 1);
-    }
-    return i;
+  template <typename Table>
+  static auto& PlaceIn(Table& table, const std::vector<Page>& pages, uint64_t number) {
+    return table.Find(HashOfNumber(number), [&](uint32_t p) { return pages[p].number == number; });
   }
   uint32_t FindPage(uint64_t number) const {
-    return table_.empty() ? kNone32 : table_[PlaceOf(number)];
+    return table_.size() == 0 ? kNone32 : PlaceIn(table_, pages_, number);
   }
   uint32_t TakePage(uint64_t number) {
-    if (2 * (pages_.size() - free_.size() + 1) > table_.size()) Grow();
-    uint32_t& page = table_[PlaceOf(number)];
+    if (2 * (pages_.size() - free_.size() + 1) > table_.size()) {
+      table_.Resize(std::max<size_t>(16, 2 * table_.size()), HashOfPage{pages_});
+    }
+    uint32_t& page = PlaceIn(table_, pages_, number);
     if (page == kNone32) {
       if (free_.empty()) {
         page = static_cast<uint32_t>(pages_.size());
@@ -115,32 +117,14 @@ class KeyTable {
   }
   void GiveUp(uint32_t page) {
     if (page == last_) last_ = kNone32;
-    const size_t mask = table_.size() - 1;
-    size_t hole = PlaceOf(pages_[page].number);
-    // What follows moves up, unless it lies between its home and the hole.
-    for (size_t i = (hole + 1) & mask; table_[i] != kNone32; i = (i + 1) & mask) {
-      if (((i - Home(pages_[table_[i]].number)) & mask) < ((i - hole) & mask)) continue;
-      table_[hole] = table_[i];
-      hole = i;
-    }
-    table_[hole] = kNone32;
+    table_.Erase(PlaceIn(table_, pages_, pages_[page].number), HashOfPage{pages_});
     free_.push_back(page);
   }
-  void Grow() {
-    std::vector<uint32_t> old(std::max<size_t>(16, 2 * table_.size()), kNone32);
-    old.swap(table_);
-    shift_ = 64 - std::countr_zero(table_.size());
-    for (const uint32_t page : old) {
-      if (page != kNone32) table_[PlaceOf(pages_[page].number)] = page;
-    }
-  }
-
   std::vector<Page> pages_;
   std::vector<uint32_t> free_;    // of pages_
-  std::vector<uint32_t> table_;   // pages; kNone32: empty
+  OpenTable<uint32_t> table_;     // pages, at most half full
   std::vector<uint32_t> places_;  // by slot: page * kPage + place
   uint32_t last_ = kNone32;       // the page that was put into last, while it is used
-  int shift_ = 60;
 };
 
 }  // namespace mtdb::internal

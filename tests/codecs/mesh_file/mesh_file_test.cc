@@ -64,6 +64,7 @@ TEST_CASE("An empty file and a file that is no mesh are refused by any name") {
     RequireBadInput(name, "To whom it may concern:\nnothing here is a mesh.\n", {"expected"});
     RequireBadInput(name, std::string(5000, '\xee'), {});
   }
+  RequireBadInput("a.xyz", "%PDF-1.5\n", {"it seems to be a PDF document"});
   RequireBadInput("a.xyz", "1 2 3\n", {"not a mesh file that mtdb reads, expected PLY, OBJ, STL"});
 }
 

@@ -239,13 +239,14 @@ TEST_CASE("The first hit of a ray at full resolution is that of the whole mesh")
       if (i % 5 == 0) direction = random.Direction() * std::pow(10, random.Uniform(-6, 6));
       const ProbeAnswer answer = CastRay(probed.surface(), origin, direction).value();
       const FirstHits expected = BruteForceRay(probed.full, origin, direction);
-      const double found = answer.hit ? answer.hit->distance : kNone;
+      const double found = answer.hit ? answer.hit->parameter : kNone;
       REQUIRE(found <= expected.sure * (1 + 1e-9));
       REQUIRE(found >= expected.possible * (1 - 1e-9) - 1e-9);
       hits += answer.hit ? 1 : 0;
       misses += answer.hit ? 0 : 1;
       if (!answer.hit) continue;
       REQUIRE(answer.reach >= found);
+      REQUIRE(answer.hit->distance == Approx(Length(answer.hit->point - origin)).margin(1e-9));
       REQUIRE(Length(origin + direction * found - answer.hit->point) == 0);
       const Triangle3d& t = answer.hit->triangle;
       REQUIRE(answer.hit->front == (Dot(Cross(t[1] - t[0], t[2] - t[0]), direction) < 0));
@@ -272,7 +273,7 @@ TEST_CASE("The first hit at an accuracy is that of the cut, and near the input")
       const FirstHits expected = BruteForceRay(
           CutOf(probed.surface(), RayRegion(ray, 0, std::min(answer.reach, 1e3)), error), origin,
           direction);
-      const double found = answer.hit ? answer.hit->distance : kNone;
+      const double found = answer.hit ? answer.hit->parameter : kNone;
       REQUIRE(found >= expected.possible * (1 - 1e-9) - 1e-9);
       if (expected.sure <= answer.reach) REQUIRE(found <= expected.sure * (1 + 1e-9));
       if (!answer.hit) continue;
@@ -321,7 +322,7 @@ TEST_CASE("Rays along axes, in the planes of faces and edges, hit a cube") {
   // In the plane of a side: its triangles are not hit, the side across the ray is.
   const ProbeAnswer along = CastRay(cube.surface(), {-1, 0.5, 0}, {1, 0, 0}).value();
   REQUIRE(along.hit.has_value());
-  REQUIRE(along.hit->distance == Approx(1).margin(1e-4));
+  REQUIRE(along.hit->parameter == Approx(1).margin(1e-4));
 }
 
 TEST_CASE("On a damaged object, whose errors lie, answers are still those of the cut") {

@@ -266,10 +266,37 @@ TEST_CASE("files that are no store are refused in one line", "[store]") {
     WriteFile(path, AsBytes(std::string(size, 't')));
     const auto database = Database::Open(path);
     REQUIRE(!database.ok());
-    CHECK(database.status().code() == StatusCode::kCorrupt);
+    const StatusCode code = size < 1024 ? StatusCode::kCorrupt : StatusCode::kBadInput;
+    CHECK(database.status().code() == code);
     CHECK(database.status().message().find('\n') == std::string::npos);
     if (size > 0) CHECK(!Database::Open(path, {.writable = true}).ok());
   }
+}
+
+TEST_CASE("a file that is no store is said to be what it seems to be", "[store]") {
+  const TempDir dir;
+  const std::string path = dir.File("x.mtdb");
+  const std::string rest(100000, '\0');
+  for (const auto& [start, kind] :
+       {std::pair("\x89PNG\r\n\x1a\n", "a PNG picture"), std::pair("%PDF-1.4", "a PDF document"),
+        std::pair("SQLite format 3", "an SQLite database")}) {
+    WriteFile(path, AsBytes(start + rest));
+    const Status status = Database::Open(path).status();
+    CHECK(status.code() == StatusCode::kBadInput);
+    CHECK(status.message().find(kind) != std::string::npos);
+    CheckReport report;
+    CHECK(VerifyStore(path, "", &report).code() == StatusCode::kBadInput);
+  }
+}
+
+TEST_CASE("a store whose first page was written over is damaged, and no other file", "[store]") {
+  const TempDir dir;
+  const std::string path = dir.File("x.mtdb");
+  Bytes bytes = ReadFile(std::string(MTDB_SOURCE_DIR) + "/tests/golden/grid.mtdb");
+  std::fill_n(bytes.begin(), 512, std::byte{'x'});
+  WriteFile(path, bytes);
+  CHECK(Database::Open(path).status().code() == StatusCode::kCorrupt);
+  CHECK(VerifyFailures(path) != "");
 }
 
 }  // namespace

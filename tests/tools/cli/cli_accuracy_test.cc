@@ -40,11 +40,11 @@ TEST_CASE("ingest says which accuracy it chose and what it loses", "[cli]") {
   CHECK(exact.at("rounding_error") == 0);
   CHECK(exact.at("accuracy").at("reason") == "decimals");
   CHECK(exact.at("warnings").empty());
-  CHECK_THAT(RunOk({"ingest", terrain, store, "--force"}),
+  CHECK_THAT(RunOk({"ingest", terrain, store, "--replace"}),
              Catch::Contains("18 bits, steps of 1, so that coordinates stay as they are written"));
-  CHECK_THAT(RunOk({"ingest", terrain, store, "--force", "--bits", "16"}),
+  CHECK_THAT(RunOk({"ingest", terrain, store, "--replace", "--bits", "16"}),
              Catch::Contains("16 bits, steps of 3.3") && Catch::Contains("as the options say"));
-  CHECK(RunOk({"ingest", terrain, store, "--force", "--quiet"}).empty());
+  CHECK(RunOk({"ingest", terrain, store, "--replace", "--quiet"}).empty());
 
   const Example& example = SmallExample();
   const Json plain = RunJson({"ingest", example.mesh, store});
@@ -59,7 +59,7 @@ TEST_CASE("ingest says which accuracy it chose and what it loses", "[cli]") {
   for (const std::string& words : {std::to_string(lost) + " of ", std::string("16 bits")}) {
     CHECK_THAT(coarse.at("warnings").at(0), Catch::Contains(words));
   }
-  CHECK_THAT(RunOk({"ingest", example.mesh, store, "--bits", "6", "--force"}),
+  CHECK_THAT(RunOk({"ingest", example.mesh, store, "--bits", "6", "--replace"}),
              Catch::Contains("warning: " + std::to_string(lost) + " of "));
 }
 
@@ -103,7 +103,7 @@ TEST_CASE("info tells what a mesh file is like before it is ingested, and so doe
   CHECK(dry.at("accuracy").at("reason") == "given");
   CHECK(dry.at("accuracy").at("advised_bits") == info.at("bits"));
   CHECK(!Exists(store));
-  CHECK_THAT(RunOk({"ingest", "--dry-run", example.mesh, example.store, "--force"}),
+  CHECK_THAT(RunOk({"ingest", "--dry-run", example.mesh, example.store, "--replace"}),
              Catch::Contains("16 bits"));
   CHECK(RunJson({"info", example.store}).at("objects").at(0) == example.info);
   RunFails(2, {"ingest", "--dry-run", "--resume", example.mesh, store}, {"--dry-run"});

@@ -68,8 +68,8 @@ TEST_CASE("fetch writes what extract writes", "[cli]") {
   const std::string extracted = folder.File("extracted");
   const std::vector<Arguments> queries{
       {},
-      {"--error-rel", "0.004", "--normals"},
-      {"--sphere", "0,0,1,0.5", "--clip", "--error-rel", "0.001"},
+      {"--error", "0.4%", "--normals"},
+      {"--sphere", "0,0,1,0.5", "--clip", "--error", "0.1%"},
       {"--pixels", "2", "--frustum", "--eye", "0,-5,1", "--target", "0,0,0"}};
   for (const Arguments& query : queries) {
     Arguments fetch{"fetch", server.url() + "/objects/sculpture", fetched + ".ply"};

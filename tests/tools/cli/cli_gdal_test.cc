@@ -78,7 +78,7 @@ std::string WriteSource(const Folder& folder, double unit = 1, bool full = false
 Json ThereAndBack(const Folder& folder, const std::string& file, const Arguments& options = {},
                   double margin = 0) {
   const std::string store = folder.File("s.mtdb"), back = folder.File("back.tif");
-  Arguments ingest{"ingest", file, store, "--force", "--name", "t"};
+  Arguments ingest{"ingest", file, store, "--replace", "--name", "t"};
   ingest.insert(ingest.end(), options.begin(), options.end());
   const Json report = RunJson(ingest);
   RunOk({"extract", store, back});
@@ -128,7 +128,7 @@ TEST_CASE("GeoTIFFs of floats come back as exactly as the step", "[cli]") {
                                      "-ot Float32 -a_nodata nan -co COMPRESS=LERC"}) {
     CAPTURE(creation);
     Shell("gdal_translate -q " + creation + " " + Quoted(source) + " " + Quoted(tif));
-    ThereAndBack(folder, tif, {"--step-z", "0.01"}, 0.0051);
+    ThereAndBack(folder, tif, {"--height-step", "0.01"}, 0.0051);
   }
   // Its heights are decimals all the same.
   CHECK(RunJson({"info", tif}).at("height_step_reason") == "decimals");
@@ -204,7 +204,7 @@ TEST_CASE("a turned geotransform and half pixels put samples where GDAL has them
         "</SourceFilename><SourceBand>1</SourceBand></SimpleSource>"
         "</VRTRasterBand></VRTDataset>";
     WriteText(vrt, text);
-    RunOk({"ingest", vrt, store, "--force", "--name", "t"});
+    RunOk({"ingest", vrt, store, "--replace", "--name", "t"});
     std::string places;
     std::vector<double> expected;
     std::mt19937 random(3);

@@ -61,7 +61,7 @@ TEST_CASE("in any address space a verb works or says so in one line and leaves n
   std::filesystem::create_directory(work);
   const std::vector<Arguments> verbs{
       {"extract", store, work + "/out.ply"},
-      {"extract", store, work + "/out.glb", "--error-rel", "0.01", "--normals"},
+      {"extract", store, work + "/out.glb", "--error", "1%", "--normals"},
       {"extract", store, work + "/out.drc"},
       {"extract", store, work + "/out.stl", "--triangles", "500"},
       {"verify", store, "--level", "full"},

@@ -63,7 +63,7 @@ TEST_CASE("floats come back as floats, bit for bit; doubles where they are asked
   WriteText(folder.File("a.ply"), SquarePly("", "", {1, 2, 3}, "float"));
   const TriangleMesh input = MeshOf(folder.File("a.ply"));
   for (const char* how : {"--bits=16", "--lossless", ""}) {
-    Arguments ingest{"ingest", folder.File("a.ply"), folder.File("s.mtdb"), "--quiet", "--force"};
+    Arguments ingest{"ingest", folder.File("a.ply"), folder.File("s.mtdb"), "--quiet", "--replace"};
     if (*how != 0) ingest.push_back(how);
     RunOk(ingest);
     const Json json = RunJson({"extract", folder.File("s.mtdb"), folder.File("o.ply")});
@@ -71,7 +71,7 @@ TEST_CASE("floats come back as floats, bit for bit; doubles where they are asked
     CHECK(json.at("positions") == "float32");
     CHECK(HasType(folder.File("o.ply"), "float"));
     const Json forced =
-        RunJson({"extract", folder.File("s.mtdb"), folder.File("d.ply"), "--double"});
+        RunJson({"extract", folder.File("s.mtdb"), folder.File("d.ply"), "--double-positions"});
     CHECK(forced.at("positions") == "float64");
     CHECK(HasType(folder.File("d.ply"), "double"));
     if (std::string(how) == "--bits=16") continue;
@@ -83,7 +83,7 @@ TEST_CASE("floats come back as floats, bit for bit; doubles where they are asked
       }));
     }
   }
-  RunFails(1, {"extract", folder.File("s.mtdb"), folder.File("o.stl"), "--double"},
+  RunFails(1, {"extract", folder.File("s.mtdb"), folder.File("o.stl"), "--double-positions"},
            {"no positions of float64", ".ply"});
 }
 

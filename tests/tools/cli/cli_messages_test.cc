@@ -40,6 +40,26 @@ TEST_CASE("a picture is no mesh, whatever is in the store", "[cli]") {
   CHECK(!Exists(folder.File("s.mtdb")));
 }
 
+TEST_CASE("a file that is no store is not damaged, but something else", "[cli]") {
+  const Folder folder;
+  const std::string png = folder.File("picture.png");
+  WriteText(png, kPng + std::string(20000, 'x'));
+  RunFails(1, {"verify", png}, {png, "no file of mtdb", "a PNG picture"});
+  RunFails(1, {"list", png}, {png, "a PNG picture"});
+  RunFails(1, {"verify", SmallExample().mesh}, {"no file of mtdb", "mtdb ingest"});
+}
+
+TEST_CASE("a file of mtdb is no mesh", "[cli]") {
+  const Example& example = SmallExample();
+  const Folder folder;
+  const std::string store = folder.File("s.mtdb"), packed = folder.File("a.mtdbp");
+  RunFails(1, {"ingest", example.store, store}, {example.store, "an mtdb store", "mtdb copy"});
+  RunFails(1, {"ingest", example.store, store, "--dry-run"}, {"mtdb extract"});
+  RunOk({"pack", example.store, packed});
+  RunFails(1, {"ingest", packed, store}, {packed, "a packed file", "mtdb unpack"});
+  CHECK(!Exists(store));
+}
+
 TEST_CASE("a picture that says nowhere where it lies is told so, with and without GDAL", "[cli]") {
   const Example& example = SmallExample();
   const Folder folder;
@@ -201,8 +221,8 @@ TEST_CASE("heights that are no decimals get a step, and it is told", "[cli]") {
   CHECK(said.at("raster_input").at("height_step") == step);
   CHECK(said.at("raster_input").at("height_step_reason") == "chosen");
   CHECK(said.at("rounding_error") <= step / 2 * 1.001);
-  CHECK_THAT(said.at("notes").dump(), Catch::Contains("--step-z"));
-  const Json given = RunJson({"ingest", file, store, "--force", "--step-z", "0.5"});
+  CHECK_THAT(said.at("notes").dump(), Catch::Contains("--height-step"));
+  const Json given = RunJson({"ingest", file, store, "--replace", "--height-step", "0.5"});
   CHECK(given.at("raster_input").at("height_step_reason") == "given");
 }
 

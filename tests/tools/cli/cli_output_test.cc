@@ -24,8 +24,8 @@ TEST_CASE("a mesh goes to standard output in the format that is asked for", "[cl
     INFO(format);
     const std::string file = folder.File("file." + format);
     const std::string piped = folder.File("piped." + format);
-    RunOk({"extract", e.store, file, "--error-rel", "0.01"});
-    CHECK(Shell("$M extract " + e.store + " - --format " + format + " --error-rel 0.01 2>" +
+    RunOk({"extract", e.store, file, "--error", "1%"});
+    CHECK(Shell("$M extract " + e.store + " - --format " + format + " --error 1% 2>" +
                 folder.File("said") + " | cat > " + piped) == 0);
     CHECK(ReadText(piped) == ReadText(file));
     CHECK_THAT(ReadText(folder.File("said")), Catch::Contains("error at most"));
@@ -51,7 +51,7 @@ TEST_CASE("outputs follow links, keep permissions, and go into pipes and devices
   const std::string bytes = ReadText(target);
   REQUIRE(::chmod(target.c_str(), 0640) == 0);
   std::filesystem::create_symlink("target.ply", link);
-  RunOk({"extract", e.store, link, "--error-rel", "0.01"});
+  RunOk({"extract", e.store, link, "--error", "1%"});
   CHECK(std::filesystem::is_symlink(link));
   CHECK(ReadText(target) != bytes);
   struct stat info {};
@@ -151,7 +151,7 @@ TEST_CASE("no output takes the place of a store or of a packed file, by whatever
       std::filesystem::create_symlink(kept, soft);
       std::filesystem::create_hard_link(kept, hard);
       for (const std::string& name : {soft, hard}) {
-        RunFails(1, {"extract", e.store, name, "--error-rel", "0.1"}, {name, "another name"});
+        RunFails(1, {"extract", e.store, name, "--error", "10%"}, {name, "another name"});
         if (suffix == "ply") {
           RunFails(1, {"generate", "sculpture", name, "--triangles", "100"},
                    {name, "another name"});

@@ -54,7 +54,7 @@ TEST_CASE("every verb that reads takes a packed file, or its URL, for a store") 
   const FileServer server(ReadText(PackedExample()));
   const Folder folder;
   const std::vector<Arguments> regions{
-      {"--error-rel", "0.01"}, {"--full"}, {"--sphere", "0,0,0,0.7", "--clip"}};
+      {"--error", "1%"}, {"--full"}, {"--sphere", "0,0,0,0.7", "--clip"}};
   std::vector<std::string> meshes(regions.size());
   std::string picture;
   Json info, probe;
@@ -68,7 +68,7 @@ TEST_CASE("every verb that reads takes a packed file, or its URL, for a store") 
       if (meshes[i].empty()) meshes[i] = mesh;
       CHECK(mesh == meshes[i]);
     }
-    RunOk({"render", place, folder.File("a.png"), "--size", "80x60", "--error-rel", "0.01"});
+    RunOk({"render", place, folder.File("a.png"), "--size", "80x60", "--error", "1%"});
     if (picture.empty()) picture = ReadText(folder.File("a.png"));
     CHECK(ReadText(folder.File("a.png")) == picture);
     const Json here = WithoutPlace(RunJson({"info", place}));
@@ -94,7 +94,7 @@ TEST_CASE("what is unpacked has the digest of what was packed") {
       CHECK(!Exists(store));
       continue;
     }
-    CHECK_THAT(RunOk({"unpack", place, store, "--force"}), Catch::Contains(digest));
+    CHECK_THAT(RunOk({"unpack", place, store, "--replace"}), Catch::Contains(digest));
     RunOk({"verify", store, "--level", "global"});
     RunFails(1, {"unpack", place, store}, {"sculpture", "is there"});
     const std::string again = folder.File("again.mtdbp");
@@ -169,7 +169,7 @@ TEST_CASE("a server stands before a packed file and before its URL") {
   for (const std::string& place : Places(files)) {
     INFO(place);
     const ServerProcess server(place);
-    const HttpAnswer answer = server.Get("/objects/sculpture/mesh?error-rel=0.01&format=ply");
+    const HttpAnswer answer = server.Get("/objects/sculpture/mesh?error=1%25&format=ply");
     REQUIRE(answer.status == 200);
     if (mesh.empty()) mesh = answer.body;
     CHECK(answer.body == mesh);
@@ -235,7 +235,7 @@ TEST_CASE("what came of a URL is kept on disk, and need not come again") {
   const auto extract = [&](const std::string& url, const std::string& size) {
     bytes = 0;
     const std::string out = large.folder.File("out.ply");
-    RunOk({"extract", url, out, "--cache-dir", kept, "--cache-dir-size", size});
+    RunOk({"extract", url, out, "--cache-directory", kept, "--cache-directory-bytes", size});
     CHECK(ReadText(out) == ReadText(large.full));
     return bytes.load();
   };
@@ -275,8 +275,8 @@ TEST_CASE("what came of a URL is kept on disk, and need not come again") {
   }
   CHECK(left <= 100 << 10);
   const std::string file = large.folder.File("sculpture.ply");
-  RunFails(1, {"info", files.url(), "--cache-dir", file}, {"cannot keep ranges"});
-  RunFails(2, {"info", files.url(), "--cache-dir-size", "1G"}, {"--cache-dir"});
+  RunFails(1, {"info", files.url(), "--cache-directory", file}, {"cannot keep ranges"});
+  RunFails(2, {"info", files.url(), "--cache-directory-bytes", "1G"}, {"--cache-directory"});
 }
 
 TEST_CASE("what came damaged once is not kept for ever") {
@@ -296,7 +296,7 @@ TEST_CASE("what came damaged once is not kept for ever") {
     wrong = right.size() * static_cast<size_t>(i) / 24;
     INFO("byte " << wrong);
     const std::string kept = folder.File("kept" + std::to_string(i));
-    const Arguments arguments{"extract", files.url(), out, "--cache-dir", kept};
+    const Arguments arguments{"extract", files.url(), out, "--cache-directory", kept};
     const Outcome damaged = Run(arguments);
     CHECK(damaged.exit_code == 1);
     CHECK_THAT(damaged.err, Catch::Contains("get the file anew"));
@@ -312,12 +312,12 @@ TEST_CASE("no entry of a folder of kept ranges is waited for") {
   const Folder folder;
   const FileServer files(ReadText(PackedExample()));
   const std::string kept = folder.File("kept"), out = folder.File("out.ply");
-  RunOk({"extract", files.url(), out, "--cache-dir", kept});
+  RunOk({"extract", files.url(), out, "--cache-directory", kept});
   for (const auto& entry : std::filesystem::directory_iterator(kept)) {
     std::filesystem::remove(entry.path());
     REQUIRE(::mkfifo(entry.path().c_str(), 0600) == 0);
   }
-  RunOk({"extract", files.url(), out, "--cache-dir", kept});
+  RunOk({"extract", files.url(), out, "--cache-directory", kept});
 }
 
 TEST_CASE("the C interface opens URLs") {

@@ -11,7 +11,7 @@ TEST_CASE("render says from where it looked and what its colours mean", "[cli]")
   const Folder folder;
   const std::string picture = folder.File("picture.png");
   const auto render = [&](const Arguments& more) {
-    Arguments all{"render", example.store, picture, "--size", "60x40", "--error-rel", "0.01"};
+    Arguments all{"render", example.store, picture, "--size", "60x40", "--error", "1%"};
     all.insert(all.end(), more.begin(), more.end());
     return RunJson(all)["picture"];
   };
@@ -28,8 +28,8 @@ TEST_CASE("render says from where it looked and what its colours mean", "[cli]")
   CHECK(most <= 0.01 * diagonal);
   CHECK(static_cast<int>(ReadText(picture)[25]) == 6);  // PNG's colour type: with alpha
   RunFails(1, {"render", example.store, picture, "--colour", "no such"}, {"'no such'"});
-  const std::string said = RunOk({"render", example.store, picture, "--size", "60x40", "--colour",
-                                  "error", "--error-rel", "0.01"});
+  const std::string said = RunOk(
+      {"render", example.store, picture, "--size", "60x40", "--colour", "error", "--error", "1%"});
   CHECK(said.find("colours: how far the picture's surface is from") != std::string::npos);
 }
 

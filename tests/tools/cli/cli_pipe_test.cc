@@ -32,7 +32,7 @@ TEST_CASE("ingest reads standard input, a pipe, compressed or of a format withou
   RunOk({"extract", example.store, obj});
   const auto digest = [&](const std::string& before, const std::string& format) {
     const std::string store = folder.File("s.mtdb");
-    Arguments ingest{"ingest", "-", store, "--name", "sculpture", "--force", "--json"};
+    Arguments ingest{"ingest", "-", store, "--name", "sculpture", "--replace", "--json"};
     if (!format.empty()) ingest.insert(ingest.end(), {"--format", format});
     const Outcome outcome = RunWith(before, ingest);
     INFO(before << "\n" << outcome.err);

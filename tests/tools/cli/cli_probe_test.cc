@@ -59,6 +59,7 @@ TEST_CASE("probe --ray finds the first hit, or none", "[cli]") {
   const double t = hit.at("parameter");
   CHECK(t > 0);
   CHECK(t < 1);
+  CHECK(hit.at("distance").get<double>() == Approx(t * std::hypot(ray[3], ray[4], ray[5])));
   CHECK(hit.at("front") == true);
   for (size_t i = 0; i < 3; ++i) {
     CHECK(hit.at("point").at(i).get<double>() == Approx(ray[i] + t * ray[i + 3]).margin(1e-5));

@@ -179,7 +179,7 @@ class KilledIngest {
   std::vector<std::string> Journals() const { return FilesOf(folder_, ".journal"); }
   Arguments Command(const Arguments& more, bool other_input = false) const {
     Arguments command{"ingest", other_input ? other_ : mesh_, store_, "--name", "o", "--quiet"};
-    if (replace_) command.emplace_back("--force");
+    if (replace_) command.emplace_back("--replace");
     command.insert(command.end(), more.begin(), more.end());
     return command;
   }

@@ -160,12 +160,12 @@ TEST_CASE("a copy has all objects or those that are named, and a second one what
   RunOk({"copy", s.path, part, "c", "a"});
   CHECK(Names(part) == List{"a", "c"});
   // Again: what is there stays, what differs is refused and then replaced.
-  RunOk({"ingest", s.folder.File("c.ply"), s.path, "--name", "a", "--force", "--quiet"});
+  RunOk({"ingest", s.folder.File("c.ply"), s.path, "--name", "a", "--replace", "--quiet"});
   RunOk({"rename", s.path, "b", "d"});
   const std::string before = ReadText(backup);
-  RunFails(1, {"copy", s.path, backup}, {"another object a", "--force", "nothing was copied"});
+  RunFails(1, {"copy", s.path, backup}, {"another object a", "--replace", "nothing was copied"});
   CHECK(ReadText(backup) == before);
-  const Json again = RunJson({"copy", s.path, backup, "--force"});
+  const Json again = RunJson({"copy", s.path, backup, "--replace"});
   CHECK(again.at("copied") == Json({"d"}));
   CHECK(again.at("replaced") == Json({"a"}));
   CHECK(again.at("unchanged") == Json({"c"}));
@@ -219,8 +219,8 @@ TEST_CASE("words and numbers as people write them", "[cli]") {
 TEST_CASE("the cache of a query can be given, and answers do not depend on it", "[cli]") {
   const Example& e = TheExample();
   const Folder folder;
-  RunOk({"extract", e.store, folder.File("a.ply"), "--error-rel", "0.001"});
-  RunOk({"extract", e.store, folder.File("b.ply"), "--error-rel", "0.001", "--cache", "16MB"});
+  RunOk({"extract", e.store, folder.File("a.ply"), "--error", "0.1%"});
+  RunOk({"extract", e.store, folder.File("b.ply"), "--error", "0.1%", "--cache", "16MB"});
   CHECK(ReadText(folder.File("a.ply")) == ReadText(folder.File("b.ply")));
   RunOk({"render", e.store, folder.File("a.png"), "--size", "40x30", "--cache", "64M"});
   RunFails(2, {"extract", e.store, folder.File("a.ply"), "--cache", "0"}, {"--cache", "0"});

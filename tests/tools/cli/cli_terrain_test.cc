@@ -37,7 +37,12 @@ TEST_CASE("neighbouring .hgt files become one terrain, the first one's samples w
         Json::array({7.0, 1.0 / (kSide - 1), 0.0, 12.0, 0.0, -1.0 / (kSide - 1)}));
   CHECK(report.at("raster").at("nodata") == -32768);
   CHECK_THAT(report.at("raster").at("crs").get<std::string>(), Catch::Contains("WGS 84"));
-  CHECK_THAT(RunOk({"info", store}), Catch::Contains("vertical") && Catch::Contains("EGM96"));
+  const std::string size = std::to_string(kSide) + " x " + std::to_string(2 * kSide - 1);
+  CHECK_THAT(RunOk({"info", store}),
+             Catch::Contains("vertical") && Catch::Contains("EGM96") && Catch::Contains(size) &&
+                 Catch::Contains("apart in x") && Catch::Contains("WGS 84") &&
+                 Catch::Contains("the first at 7 12, the last at 8 10") &&
+                 Catch::Contains("nodata was -32768"));
   CHECK_THAT(RunOk({"verify", store, "--level", "global"}), Catch::Contains("ok"));
 
   RunOk({"extract", store, folder.File("full.ply")});
@@ -97,8 +102,8 @@ TEST_CASE("an ASCII grid keeps its decimals, its place and its holes", "[cli]") 
     REQUIRE(r == std::floor(r));
     CHECK(height == Approx(heights[static_cast<size_t>(r * kColumns + c)]).epsilon(1e-12));
   }
-  CHECK(RunJson({"ingest", file, store, "--name", "rough", "--step-z", "2"}).at("rounding_error") <=
-        1.0001);
+  CHECK(RunJson({"ingest", file, store, "--name", "rough", "--height-step", "2"})
+            .at("rounding_error") <= 1.0001);
 }
 
 TEST_CASE("heights of so many steps that float32 cannot count them come back", "[cli]") {
@@ -148,8 +153,8 @@ TEST_CASE("rasters that are none, or not of one grid, are refused with the reaso
   refused({f("word.asc"), store}, "row 1, column 1: expected a number, found 'four'");
   refused({f("one.asc"), store}, "no three heights beside each other");
   refused({f("N11E007.hgt"), f("m.off"), store}, "is no raster");
-  refused({f("N11E007.hgt"), store, "--bits", "12"}, "--step-z");
-  refused({f("m.off"), store, "--step-z", "1"}, "is for rasters");
+  refused({f("N11E007.hgt"), store, "--bits", "12"}, "--height-step");
+  refused({f("m.off"), store, "--height-step", "1"}, "is for rasters");
   refused({f("dem.tif"), store}, MTDB_TEST_GDAL != 0 ? "dem.tif" : "without GDAL");
 }
 
@@ -247,7 +252,7 @@ TEST_CASE("a mesh that is a height field becomes a terrain, and another one is r
   CHECK(dry.exit_code == 1);
   CHECK(dry.err.substr(dry.err.find("s.ply")) == folded.err.substr(folded.err.find("s.ply")));
   CHECK_THAT(
-      Run({"ingest", folder.File("m_ply.ply"), store, "--terrain", "--lossless", "--force"}).err,
+      Run({"ingest", folder.File("m_ply.ply"), store, "--terrain", "--lossless", "--replace"}).err,
       Catch::Contains("--lossless"));
 }
 
@@ -366,7 +371,7 @@ TEST_CASE("a GeoTIFF has all heights and holes, whatever type and nodata value t
     RunOk(inputs);
     extract(store, "direct.asc");
     extract(store, "dem.tif");
-    const Json report = RunJson({"ingest", f("dem.tif"), again, "--step-z", "0.01"});
+    const Json report = RunJson({"ingest", f("dem.tif"), again, "--height-step", "0.01"});
     extract(again, "indirect.asc");
     CHECK(report.at("raster").at("sample_type") == type);
     CHECK(report.at("raster_input").at("holes") == holes);

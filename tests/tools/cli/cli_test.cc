@@ -180,8 +180,8 @@ TEST_CASE("extract --full gives back the input", "[cli]") {
 TEST_CASE("extract --implicit writes the same mesh", "[cli]") {
   const Example& example = TheExample();
   Json json;
-  const TriangleMesh mesh = Extract(example, {"--error-rel", "0.002"}, &json);
-  const TriangleMesh again = Extract(example, {"--error-rel", "0.002", "--implicit"}, &json);
+  const TriangleMesh mesh = Extract(example, {"--error", "0.2%"}, &json);
+  const TriangleMesh again = Extract(example, {"--error", "0.2%", "--implicit"}, &json);
   CHECK(again.positions == mesh.positions);
   CHECK(again.triangles == mesh.triangles);
 }
@@ -199,14 +199,15 @@ TEST_CASE("info --streams tells what the streams take", "[cli]") {
   CHECK_THAT(RunOk({"info", example.store, "--streams"}), Catch::Contains("topology"));
 }
 
-TEST_CASE("extract --error and --error-rel keep their promise", "[cli]") {
+TEST_CASE("extract --error keeps its promise, in units and in percent of the diagonal", "[cli]") {
   const Example& example = TheExample();
   const double diagonal = example.info.at("diagonal");
   uint64_t last = example.info.at("triangles").get<uint64_t>() + 1;
   for (const double relative : {1e-4, 1e-3, 1e-2}) {
     INFO(relative);
     Json json;
-    const TriangleMesh mesh = Extract(example, {"--error-rel", std::to_string(relative)}, &json);
+    const TriangleMesh mesh =
+        Extract(example, {"--error", std::to_string(100 * relative) + "%"}, &json);
     CHECK(json.at("error_bound").get<double>() <= relative * diagonal + CellError(example));
     CHECK(json.at("triangles") < last);
     last = json.at("triangles");
@@ -236,10 +237,10 @@ TEST_CASE("extract --triangles keeps to the budget and uses it", "[cli]") {
   Extract(example, {"--max-bytes", "20000"}, &few);
   CHECK(few.at("bytes_read") <= 20000);
   CHECK(few.at("limit") == "bytes");
-  Extract(example, {"--max-ms", "0"}, &few);
+  Extract(example, {"--max-milliseconds", "0"}, &few);
   CHECK(few.at("nodes_applied") == 0);
   Json coarse;
-  Extract(example, {"--triangles", "15000", "--error-rel", "0.01"}, &coarse);
+  Extract(example, {"--triangles", "15000", "--error", "1%"}, &coarse);
   CHECK(coarse.at("triangles") < 5000);
 }
 
@@ -295,7 +296,7 @@ TEST_CASE("a region is accurate, the rest coarse, and --clip drops the rest", "[
 
   ball.push_back(example.info.at("diagonal").get<double>() / 3);
   Json sphere, both;
-  Extract(example, {"--sphere=" + Numbers(ball), "--clip", "--error-rel", "1e-3"}, &sphere);
+  Extract(example, {"--sphere=" + Numbers(ball), "--clip", "--error", "0.1%"}, &sphere);
   CHECK(sphere.at("triangles") > 0);
   CHECK(sphere.at("triangles") < example.info.at("triangles"));
   Extract(example, {"--sphere", Numbers(ball), "--box", corners, "--clip"}, &both);
@@ -333,8 +334,8 @@ TEST_CASE("render makes a picture of the size that was asked for", "[cli]") {
   const Example& example = TheExample();
   const Folder folder;
   const std::string picture = folder.File("picture.png");
-  const Json json = RunJson({"render", example.store, picture, "--error-rel", "0.005", "--size",
-                             "123x45", "--wireframe"});
+  const Json json = RunJson(
+      {"render", example.store, picture, "--error", "0.5%", "--size", "123x45", "--wireframe"});
   CheckStats(json, picture);
   const std::string bytes = ReadText(picture);
   REQUIRE(bytes.size() > 100);
@@ -351,7 +352,7 @@ TEST_CASE("STL files of one ingest share the vertices that they have in common",
   const Example& example = TheExample();
   const std::string mesh = folder.File("mesh.stl");
   const std::string store = folder.File("joined.mtdb");
-  RunOk({"extract", example.store, mesh, "--error-rel", "0.01"});
+  RunOk({"extract", example.store, mesh, "--error", "1%"});
   const Json once = RunJson({"ingest", mesh, store, "--name", "once"});
   const Json twice = RunJson({"ingest", mesh, mesh, store, "--name", "twice"});
   CHECK(twice.at("vertices") == once.at("vertices"));
@@ -409,7 +410,7 @@ TEST_CASE("a store holds many objects of any name", "[cli]") {
   CHECK(RunJson({"verify", store, "--level", "global"}).at("ok") == true);
 }
 
-TEST_CASE("an object is replaced only with --force", "[cli]") {
+TEST_CASE("an object is replaced only with --replace", "[cli]") {
   const Folder folder;
   const std::string store = folder.File("s.mtdb");
   const std::string small = folder.File("small.ply");
@@ -418,9 +419,9 @@ TEST_CASE("an object is replaced only with --force", "[cli]") {
   RunOk({"generate", "terrain", large, "--triangles", "5000"});
   RunOk({"ingest", small, store, "--name", "it"});
   const std::string before = ReadText(store);
-  RunFails(1, {"ingest", large, store, "--name", "it"}, {store, "it", "--force"});
+  RunFails(1, {"ingest", large, store, "--name", "it"}, {store, "it", "--replace"});
   CHECK(ReadText(store) == before);
-  const Json replaced = RunJson({"ingest", large, store, "--name", "it", "--force"});
+  const Json replaced = RunJson({"ingest", large, store, "--name", "it", "--replace"});
   CHECK(replaced.at("triangles") > 4000);
   const Json objects = RunJson({"info", store}).at("objects");
   REQUIRE(objects.size() == 1);
@@ -476,7 +477,8 @@ TEST_CASE("--lossless takes text for what a float32 was written as, and no more"
       text += "\n";
     }
     WriteText(mesh, text + "f 1 2 3\n");
-    return Arguments{"ingest", mesh, folder.File("store.mtdb"), "--lossless", "--quiet", "--force"};
+    return Arguments{"ingest",     mesh,      folder.File("store.mtdb"),
+                     "--lossless", "--quiet", "--replace"};
   };
   for (const char* format : {"%g", "%.6f", "%.9g", "%.17g"}) {
     INFO(format);
@@ -512,7 +514,7 @@ TEST_CASE("--lossless keeps every bit, --bits and --step set the grid", "[cli]")
   CHECK(ReadText(store) == before);
 }
 
-TEST_CASE("--normals and --attribute round attributes, and info says so", "[cli]") {
+TEST_CASE("--normal-bits and --attribute-step round attributes, and info says so", "[cli]") {
   const Folder folder;
   const std::string input = folder.File("in.ply");
   const std::string store = folder.File("s.mtdb");
@@ -524,8 +526,8 @@ TEST_CASE("--normals and --attribute round attributes, and info says so", "[cli]
     text.insert(at, " 0.6 0 0.8");
   }
   WriteText(input, text);
-  const Json rounded = RunJson(
-      {"ingest", input, store, "--normals", "8", "--attribute", "quality=0.3", "--name", "a"});
+  const Json rounded = RunJson({"ingest", input, store, "--normal-bits", "8", "--attribute-step",
+                                "quality=0.3", "--name", "a"});
   const Json& attributes = rounded.at("attributes");
   REQUIRE(attributes.size() == 4);
   CHECK(attributes.at(0) == Json{{"name", "nx"}, {"type", "float32"}, {"normal_bits", 8}});
@@ -540,12 +542,12 @@ TEST_CASE("--normals and --attribute round attributes, and info says so", "[cli]
   CHECK(row.Get<float>() == Approx(0).margin(2.13 / 127));
   CHECK(row.Get<float>() == Approx(0.8).margin(2.13 / 127));
   CHECK(row.Get<float>() == Approx(0.6));
-  RunFails(1, {"ingest", input, store, "--attribute", "none=1", "--quiet"}, {"none"});
-  RunFails(2, {"ingest", input, store, "--attribute", "quality=0"}, {"NAME=STEP"});
-  RunFails(2, {"ingest", input, store, "--attribute", "quality"}, {"NAME=STEP"});
-  RunFails(2, {"ingest", input, store, "--normals", "3"}, {"--normals"});
+  RunFails(1, {"ingest", input, store, "--attribute-step", "none=1", "--quiet"}, {"none"});
+  RunFails(2, {"ingest", input, store, "--attribute-step", "quality=0"}, {"NAME=STEP"});
+  RunFails(2, {"ingest", input, store, "--attribute-step", "quality"}, {"NAME=STEP"});
+  RunFails(2, {"ingest", input, store, "--normal-bits", "3"}, {"--normal-bits"});
   WriteText(input, Square(0, true));
-  RunFails(1, {"ingest", input, store, "--normals", "8", "--quiet"}, {"nx, ny, nz"});
+  RunFails(1, {"ingest", input, store, "--normal-bits", "8", "--quiet"}, {"nx, ny, nz"});
 }
 
 TEST_CASE("the digest does not depend on threads", "[cli]") {
@@ -657,14 +659,11 @@ TEST_CASE("wrong usage gives exit status 2 and one line that names the culprit",
   RunFails(2, {"list", example.store, "another"}, {"another"});
   RunFails(2, with(extract, {"--colour"}), {"--colour"});
   for (const Arguments& more :
-       std::vector<Arguments>{{"--error", "1"}, {"--error-rel", "1"}, {"--triangles", "1"}}) {
+       std::vector<Arguments>{{"--error", "1"}, {"--error", "100%"}, {"--triangles", "1"}}) {
     RunFails(2, with(extract, with({"--full"}, more)), {"--full", more[0]});
   }
-  RunFails(2, with(extract, {"--error", "1", "--error-rel", "1"}), {"--error", "--error-rel"});
   for (const char* value : {"", "x", "-1", "nan", "inf", "1e999", "1,2", "1 "}) {
-    for (const char* option : {"--error", "--error-rel"}) {
-      RunFails(2, with(extract, {option + std::string("=") + value}), {option});
-    }
+    RunFails(2, with(extract, {std::string("--error=") + value}), {"--error"});
     RunFails(2, {"ingest", example.mesh, folder.File("s"), std::string("--step=") + value},
              {"--step"});
   }

@@ -26,7 +26,7 @@ TEST_CASE("what is up is found at ingest, and told by info, render, copies and p
   CHECK(Run({"info", store}).out.find("up           y, found from the shape") != std::string::npos);
   CHECK(Run({"info", store}).out.find("units") == std::string::npos);
 
-  Run({"ingest", mesh, store, "--quiet", "--force", "--up=-x", "--units", "mm"});
+  Run({"ingest", mesh, store, "--quiet", "--replace", "--up=-x", "--units", "mm"});
   const std::string packed = folder.File("p.mtdbp"), copy = folder.File("c.mtdb");
   Run({"pack", store, packed});
   Run({"copy", store, copy});
@@ -53,7 +53,7 @@ TEST_CASE("--up and --units take what they say, and refuse the rest in one line"
   for (const char* const wrong : {"--up=w", "--up=0,0,0", "--up=1,2", "--up=--x",
                                   "--up=", "--units=lightyears", "--units="}) {
     INFO(wrong);
-    const Outcome outcome = Run({"ingest", mesh, store, "--quiet", "--force", wrong});
+    const Outcome outcome = Run({"ingest", mesh, store, "--quiet", "--replace", wrong});
     CHECK(outcome.exit_code == 2);
     CHECK(std::count(outcome.err.begin(), outcome.err.end(), '\n') == 1);
   }

@@ -72,8 +72,8 @@ const std::vector<Option> kQueryOptions{
     {"--name", kNoName},
     {"--query", kNoName},
     {"--error", kNoNumber},
-    {"--error-rel", kNoNumber},
-    {"--max-ms", kNoNumber},
+    {"--error", {"%", "x%", "-1%", "nan%", "1%%", "1 %", "%1"}},
+    {"--max-milliseconds", kNoNumber},
     {"--triangles", kNoCount},
     {"--max-bytes", kNoSize},
     {"--error-at",
@@ -232,15 +232,16 @@ TEST_CASE("wrong values of all other options are usage errors", "[cli]") {
   const Arguments threads{"", "x", "0", "1025", "-1", "1.5", "nan"};
   Arguments memory = kNoSize;
   memory.insert(memory.end(), {"100M", "255M", "1", "268435455"});
-  RequireUsage({"ingest", folder.File("a.ply"), none},
-               {{"--name", {"", ".", "..", "a\tb", "\xff", std::string(501, 'n')}},
-                {"--bits", bits},
-                {"--step", kNoPositive},
-                {"--normals", {"", "x", "3", "17", "-1", "nan"}},
-                {"--attribute", {"", "x", "=1", "x=", "x=0", "x=-1", "x=nan", "x=inf", "x=1e31"}},
-                {"--threads", threads},
-                {"--memory", memory},
-                {"--tmp", kNoName}});
+  RequireUsage(
+      {"ingest", folder.File("a.ply"), none},
+      {{"--name", {"", ".", "..", "a\tb", "\xff", std::string(501, 'n')}},
+       {"--bits", bits},
+       {"--step", kNoPositive},
+       {"--normal-bits", {"", "x", "3", "17", "-1", "nan"}},
+       {"--attribute-step", {"", "x", "=1", "x=", "x=0", "x=-1", "x=nan", "x=inf", "x=1e31"}},
+       {"--threads", threads},
+       {"--memory", memory},
+       {"--tmp", kNoName}});
   for (const char* const verb : {"info", "verify"})
     RequireUsage({verb, none}, {{"--name", kNoName}});
   RequireUsage({"verify", none}, {{"--level", {"", "none", "FAST"}}});
@@ -264,11 +265,11 @@ TEST_CASE("wrong values of all other options are usage errors", "[cli]") {
        {"--session-idle", kNoSeconds},
        {"--timeout", kNoSeconds},
        {"--grace", kNoSeconds},
-       {"--allow-origin", kNoName},
+       {"--allowed-origin", kNoName},
        {"--tmp", kNoName}});
   RequireUsage({"view", none}, {{"--port", {"", "x", "0", "65536", "-1", "1.5"}}});
   RequireUsage({"follow", "http://127.0.0.1:1", "--path", none},
-               {{"--remember", {"", "x", "-1", "1.5", "16777217", "nan"}},
+               {{"--remembered-vertices", {"", "x", "-1", "1.5", "16777217", "nan"}},
                 {"--timeout", kNoSeconds},
                 {"--reconnect", kNoSeconds},
                 {"--csv", kNoName},

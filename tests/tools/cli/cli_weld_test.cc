@@ -41,7 +41,7 @@ TEST_CASE("--weld makes one surface of tiles in several files", "[cli]") {
   }
   WriteText(b, second);
   const auto ingest = [&](const Arguments& more) {
-    Arguments arguments{"ingest", a, b, folder.File("s.mtdb"), "--name", "tiles", "--force"};
+    Arguments arguments{"ingest", a, b, folder.File("s.mtdb"), "--name", "tiles", "--replace"};
     arguments.insert(arguments.end(), more.begin(), more.end());
     return RunJson(arguments);
   };

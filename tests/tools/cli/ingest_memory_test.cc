@@ -213,8 +213,8 @@ TEST_CASE("an ingest that gets too little memory ends with one line, and can be 
       return std::system(command.c_str());
     };
     if (run("--version") != 0) continue;  // not even the program can be loaded
-    const int status =
-        run("ingest '" + mesh + "' '" + store + "' --name o --quiet --force --threads 4 --resume");
+    const int status = run("ingest '" + mesh + "' '" + store +
+                           "' --name o --quiet --replace --threads 4 --resume");
     const std::string err = ReadText(folder.File("err"));
     INFO(err);
     REQUIRE(WIFEXITED(status));
@@ -230,7 +230,7 @@ TEST_CASE("an ingest that gets too little memory ends with one line, and can be 
   }
   CHECK(failed >= 2);
   CHECK(done >= 3);
-  CHECK(RunJson({"ingest", mesh, store, "--name", "o", "--force", "--resume"}).at("digest") ==
+  CHECK(RunJson({"ingest", mesh, store, "--name", "o", "--replace", "--resume"}).at("digest") ==
         fresh.at("digest"));
   CHECK(RunJson({"verify", store, "--level", "full"}).at("ok") == true);
   CHECK_FALSE(RunJson({"list", store}).contains("journals"));

@@ -64,7 +64,7 @@ TEST_CASE("after a power failure at any moment what was published is there", "[c
   const std::vector<std::pair<Arguments, std::set<std::string>>> commands{
       {{"ingest", meshes[0], store, "--name", "a", "--quiet"}, {"a"}},
       {{"ingest", meshes[1], store, "--name", "b", "--quiet"}, {"a", "b"}},
-      {{"ingest", meshes[0], store, "--name", "b", "--force", "--quiet"}, {"a", "b"}},
+      {{"ingest", meshes[0], store, "--name", "b", "--replace", "--quiet"}, {"a", "b"}},
       {{"remove", store, "a"}, {"b"}},
       {{"extract", store, output}, {"b"}},
       {{"ingest", meshes[1], store, "--name", "c", "--quiet"}, {"b", "c"}},

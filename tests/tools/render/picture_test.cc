@@ -190,9 +190,12 @@ TEST_CASE("views look from the sides that they are named after") {
   // The front is below in a view from the top, and above in one from the bottom.
   CHECK(Length(UpOfView({0, 0, -1}, z) - Vec3d{0, 1, 0}) < 1e-9);
   CHECK(Length(UpOfView({0, 0, 1}, z) - Vec3d{0, -1, 0}) < 1e-9);
-  // A wall along y is seen from its broad side.
-  const std::vector<Vec3d> wall{{0, 0, 0}, {1, 9, 3}};
-  CHECK(std::fabs(ViewDirection("auto", z, wall).x) > 0.8);
+  // A wall along y is seen from its broad side, and nothing from behind.
+  const std::vector<Vec3d> wall{{0, 0, 0}, {1, 9, 3}}, head{{0, 0, 0}, {2, 3, 5}};
+  CHECK(ViewDirection("auto", z, wall).x < -0.8);
+  CHECK(ViewDirection("auto", z, wall).y > 0.3);
+  CHECK(ViewDirection("auto", z, head).y > 0.8);
+  CHECK(ViewDirection("auto", y, std::vector<Vec3d>{{0, 0, 0}, {2, 5, 3}}).z < -0.8);
 }
 
 TEST_CASE("a background of one colour is just that, and a transparent one is not there") {
@@ -218,7 +221,7 @@ TEST_CASE("a background of one colour is just that, and a transparent one is not
 
 TEST_CASE("an attribute's values are the legend's colours") {
   RenderOptions options = Plain();
-  options.colour_by = ColourBy::kAttribute;
+  options.colour = ColourBy::kAttribute;
   options.attribute = "height";
   const RenderImage image = Render(Wall(), options);
   REQUIRE(image.range);
@@ -249,7 +252,7 @@ TEST_CASE("an attribute's values are the legend's colours") {
 
 TEST_CASE("normals are colours: what faces the viewer of the front is 127, 0, 127") {
   RenderOptions options = Plain();
-  options.colour_by = ColourBy::kNormal;
+  options.colour = ColourBy::kNormal;
   const Rgb shown = Pixel(Render(Wall(), options), 100, 100);
   CHECK(Distance(shown, {127, 0, 127}) < 6);
 }
@@ -260,7 +263,7 @@ TEST_CASE("colours of the error are distances from the reference") {
   roof.positions = {{-1, 0, -1}, {-1, 0, 1}, {0, 0.2, -1}, {0, 0.2, 1}, {1, 0, -1}, {1, 0, 1}};
   roof.triangles = {{0, 2, 1}, {1, 2, 3}, {2, 4, 3}, {3, 4, 5}};
   RenderOptions options = Plain();
-  options.colour_by = ColourBy::kDistance;
+  options.colour = ColourBy::kDistance;
   options.reference = &roof;
   const RenderImage image = Render(Wall(), options);
   const double most = 0.2 / std::sqrt(1 + 0.2 * 0.2);
@@ -352,7 +355,7 @@ TEST_CASE("a scale bar is as long as it says") {
 
 TEST_CASE("a legend is drawn at the right, and only when asked for") {
   RenderOptions options = Plain();
-  options.colour_by = ColourBy::kAttribute;
+  options.colour = ColourBy::kAttribute;
   options.attribute = "height";
   const RenderImage without = Render(Wall(), options);
   options.legend = true;

@@ -286,7 +286,7 @@ TEST_CASE("what an image leaves free is as without it", "[render]") {
   const TriangleMesh mesh = Square(0.1);
   RenderOptions options = FromAbove();
   options.draft = false;
-  options.colour_by = GENERATE(ColourBy::kNothing, ColourBy::kHeight);
+  options.colour = GENERATE(ColourBy::kNothing, ColourBy::kHeight);
   options.legend = false;
   const RenderImage without = Draw(mesh, options);
   const Image clear = Painted(8, 8, [](uint32_t, uint32_t) { return Colour{255, 0, 0, 0}; });
@@ -355,7 +355,7 @@ TEST_CASE("JPEG in grey, and files that are no images", "[render]") {
   huge.replace(frame + 5, 4, "\xff\xd0\xff\xd0");
   CHECK_THAT(draw(huge).message(), Catch::Contains("65488 x 65488"));
   for (const ColourBy by : {ColourBy::kNormal, ColourBy::kDistance}) {
-    options.colour_by = by;
+    options.colour = by;
     options.reference = &mesh;
     CHECK(draw(png).code() == StatusCode::kInvalidArgument);
   }

@@ -88,7 +88,7 @@ TEST_CASE("what a server reads and says survives a lack of memory", "[server]") 
   });
   RequireNoMatterWhatFails([] {
     const auto target = ParseTarget(
-        "/objects/a/mesh?sphere=1,2,3,4&point=5,6,7&error-at=linear,1,2,3,4,5&error-rel=0.1"
+        "/objects/a/mesh?sphere=1,2,3,4&point=5,6,7&error-at=linear,1,2,3,4,5&error=10%25"
         "&frustum&eye=1,2,3&target=4,5,6&clip&format=glb");
     if (!target.ok()) return std::string();
     const auto request = ParseMeshRequest(*target, "");

@@ -36,7 +36,8 @@ TEST_CASE("every verb answers in JSON as docs/json.md has it", "[cli]") {
   WriteText(far,
             "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0.3\nv 1e9 1.1 1.3\nf 1 2 3\nf 1 3 4\nf 1 2 5\n");
   run({"info", far});
-  run({"ingest", mesh, store, "--name", "patch", "--normals", "10", "--attribute", "quality=0.25"});
+  run({"ingest", mesh, store, "--name", "patch", "--normal-bits", "10", "--attribute-step",
+       "quality=0.25"});
   run({"generate", "terrain", folder.File("t.ply"), "--triangles", "20k"});
   run({"ingest", folder.File("t.ply"), store, "--name", "t", "--weld", "--bits", "12"});
   const std::string raster = folder.File("a.asc");

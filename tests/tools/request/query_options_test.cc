@@ -59,7 +59,7 @@ TEST_CASE("A query from a file gives the answer of its options", "[query][cli]")
   };
   const std::string eye = std::to_string(bounds("min", 0) - 2) + ",0,0.5";
   const std::vector<Arguments> all{
-      {"--sphere", "0,0,0,0.5", "--error-rel", "0.001"},
+      {"--sphere", "0,0,0,0.5", "--error", "0.1%"},
       {"--half-space=0,0,0,-1,0,0", "--tube=0.2,0,0,-9,0,0,9", "--intersect", "--clip"},
       {"--box=-1,-1,-1,0,0,0", "--point=1,1,1", "--outside", "--error", "0.01", "--clip"},
       {"--wedge=0,0,1,0,60", "--error", "0.005", "--error-outside", "0.1"},

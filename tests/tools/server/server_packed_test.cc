@@ -90,9 +90,8 @@ TEST_CASE("a client with the engine reads from a server of mtdb as from any", "[
   const Folder folder;
   const ServerProcess server(example.store);
   const std::string url = server.url() + "/objects/sculpture/packed";
-  RunOk({"extract", example.store, folder.File("a.ply"), "--name", "sculpture", "--error-rel",
-         "0.002"});
-  RunOk({"extract", url, folder.File("b.ply"), "--error-rel", "0.002"});
+  RunOk({"extract", example.store, folder.File("a.ply"), "--name", "sculpture", "--error", "0.2%"});
+  RunOk({"extract", url, folder.File("b.ply"), "--error", "0.2%"});
   CHECK(ReadText(folder.File("a.ply")) == ReadText(folder.File("b.ply")));
   RunOk({"verify", url});
 }
@@ -180,7 +179,7 @@ TEST_CASE("what replaces an object is another packed file", "[server]") {
   const std::string target = "/objects/a/packed";
   const HttpAnswer first = server.Get(target);
   CHECK(first.body == ReadText(Packed(store, "a", folder)));
-  RunOk({"ingest", folder.File("5000.ply"), store, "--name", "a", "--force", "--quiet"});
+  RunOk({"ingest", folder.File("5000.ply"), store, "--name", "a", "--replace", "--quiet"});
   const std::string etag = first.header("ETag");
   CHECK(GetPart(server, target + "?hash=" + etag.substr(1, 32), "Range: bytes=0-9\r\n").status ==
         412);

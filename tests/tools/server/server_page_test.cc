@@ -114,17 +114,17 @@ TEST_CASE("view writes the page for any web server", "[server]") {
   const std::string page = ReadText(www + "/index.html");
   CHECK_THAT(page, Catch::Contains("connect-src 'self';"));
   CHECK_THAT(page, Catch::EndsWith("</html>\n"));
-  RunOk({"view", "--write-page", www, "--allow-source", "https://a.example:8443", "--allow-source",
-         "http://[::1]"});
+  RunOk({"view", "--write-page", www, "--allowed-source", "https://a.example:8443",
+         "--allowed-source", "http://[::1]"});
   CHECK_THAT(ReadText(www + "/index.html"),
              Catch::Contains("connect-src 'self' https://a.example:8443 http://[::1];"));
   for (const char* odd : {"a.example", "https://", "https://a.example/path",
                           "https://a; script-src *", "https://a\"", "*", "ftp://a"}) {
-    RunFails(1, {"view", "--write-page", www, "--allow-source", odd}, {"no origin"});
+    RunFails(1, {"view", "--write-page", www, "--allowed-source", odd}, {"no origin"});
   }
   RunFails(2, {"view"}, {"STORE"});
   RunFails(2, {"view", store, "--write-page", www}, {"mtdb pack STORE " + www + "/scan.mtdbp"});
-  RunFails(2, {"view", store, "--allow-source", "https://a"}, {"--write-page"});
+  RunFails(2, {"view", store, "--allowed-source", "https://a"}, {"--write-page"});
   RunFails(1, {"view", "--write-page", store + "/www"}, {"cannot be made"});
 }
 

@@ -50,11 +50,12 @@ TEST_CASE("parameters stand for the same query as the options of extract", "[ser
   CHECK(QueryFrom("/") == R"(ply {"threshold":"full"})");
   CHECK(QueryFrom("/?full=1&format=glb") == R"(glb {"threshold":"full"})");
   CHECK(QueryFrom("/?error=0.5&normals&clip=false") == R"(ply {"threshold":0.5,"normals":true})");
-  CHECK(QueryFrom("/?sphere=1,2,3,4&point=5,6,7&clip=true&triangles=9&max-bytes=2K&max-ms=3") ==
+  CHECK(QueryFrom(
+            "/?sphere=1,2,3,4&point=5,6,7&clip=true&triangles=9&max-bytes=2K&max-milliseconds=3") ==
         R"(ply {"region":{"union":[{"sphere":{"centre":[1.0,2.0,3.0],"radius":4.0}},)"
         R"({"point":[5.0,6.0,7.0]}]},"threshold":"full","max_triangles":9,"max_bytes":2048,)"
         R"("max_milliseconds":3.0,"clip":true})");
-  CHECK(QueryFrom("/?error-rel=0.1&error-at=linear,1,2,3,4,5") ==
+  CHECK(QueryFrom("/?error=10%25&error-at=linear,1,2,3,4,5") ==
         R"(ply {"threshold":{"smallest":[{"linear":{"point":[1.0,2.0,3.0],"base":4.0,)"
         R"("slope":5.0}},{"relative":0.1}]}})");
   CHECK(QueryFrom("/?format=stl", R"({"threshold": 1})") == R"(stl {"threshold":1})");
@@ -68,14 +69,17 @@ TEST_CASE("a wrong parameter is named, with what was expected", "[server]") {
   };
   wrong("/?colour=1", "colour: no such parameter");
   wrong("/?format=exe", "format: expected ply, obj, stl, off, glb or drc, found 'exe'");
-  wrong("/?error=-1", "error: expected a number that is not negative, at most 1e30, found '-1'");
+  wrong("/?error=-1",
+        "error: expected a number that is not negative, at most 1e30, or a percentage of the "
+        "object's diagonal, as 0.1%, found '-1'");
   wrong("/?error=1&error=2", "error: is given twice");
   wrong("/?clip=maybe", "clip: expected true, false or nothing");
-  wrong("/?double=maybe", "double: expected true, false or nothing");
+  wrong("/?double-positions=maybe", "double-positions: expected true, false or nothing");
   wrong("/?clip", "clip: needs a region: give box, sphere");
   wrong("/?box=1,2", "box: expected 6 numbers");
   wrong("/?full&error=1", "full: does not go with");
-  wrong("/?error=1&error-rel=1", "error: does not go with error-rel");
+  wrong("/?error=x%25",
+        "error: expected a number that is not negative, at most 1e30, or a percentage");
   wrong("/?frustum", "frustum: needs a camera: give eye and target");
   wrong("/?triangles=0", "triangles: expected a whole number above 0");
   wrong("/?error=1", "the body holds the query", "{}");

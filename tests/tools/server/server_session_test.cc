@@ -181,10 +181,10 @@ TEST_CASE("every kind of attribute reaches a session's client, and what follow w
     Arguments ingest{"ingest", input, store, "--quiet", "--name", kind.name};
     if (kind.lossless_positions) ingest.push_back("--lossless");
     if (kind.normal_bits) {
-      ingest.insert(ingest.end(), {"--normals", std::to_string(*kind.normal_bits)});
+      ingest.insert(ingest.end(), {"--normal-bits", std::to_string(*kind.normal_bits)});
     }
     for (const auto& [name, step] : kind.steps) {
-      ingest.insert(ingest.end(), {"--attribute", name + "=" + std::to_string(step)});
+      ingest.insert(ingest.end(), {"--attribute-step", name + "=" + std::to_string(step)});
     }
     RunOk(ingest);
   }
@@ -452,7 +452,7 @@ TEST_CASE("who may not open a session is told why, by HTTP", "[server]") {
   CHECK(of_host("[::1]:8080") == 101);
   // A name that somebody made mean this machine.
   CHECK(of_host("rebound.example:8080") == 403);
-  const ServerProcess open(SmallExample().store, {"--allow-origin", "http://a.example"});
+  const ServerProcess open(SmallExample().store, {"--allowed-origin", "http://a.example"});
   RawConnection page(open.port());
   page.Send(UpgradeRequest(kSession, "Origin: http://a.example\r\n"));
   CHECK(page.ReceiveAnswer(true).status == 101);

@@ -57,12 +57,12 @@ TEST_CASE("the server tells what it has as info and list do", "[server]") {
 TEST_CASE("a mesh is byte for byte what extract writes, by parameters and by JSON", "[server]") {
   const ServerProcess& server = TheServer();
   const std::string& store = TheExample().store;
-  const std::string coarse = Extracted(store, {"--error-rel", "0.002"});
-  const HttpAnswer answer = server.Get(kMesh + "?error-rel=0.002");
+  const std::string coarse = Extracted(store, {"--error", "0.2%"});
+  const HttpAnswer answer = server.Get(kMesh + "?error=0.2%25");
   CHECK(answer.status == 200);
   CHECK(answer.body == coarse);
   const Folder folder;
-  const Json stats = RunJson({"extract", store, folder.File("x.ply"), "--error-rel", "0.002"});
+  const Json stats = RunJson({"extract", store, folder.File("x.ply"), "--error", "0.2%"});
   CHECK(answer.header("X-Mtdb-Triangles") == std::to_string(stats.at("triangles").get<int>()));
   CHECK(answer.header("X-Mtdb-Vertices") == std::to_string(stats.at("vertices").get<int>()));
   CHECK(std::stod(answer.header("X-Mtdb-Error-Bound")) == stats.at("error_bound"));
@@ -70,11 +70,11 @@ TEST_CASE("a mesh is byte for byte what extract writes, by parameters and by JSO
   const std::string query = R"({"threshold": {"relative": 0.002}})";
   CHECK(server.Ask("POST", kMesh, query).body == coarse);
   CHECK(server.Ask("POST", kMesh + "?format=ply", query).body == coarse);
-  CHECK(server.Ask("POST", kMesh + "?error-rel=0.002").body == coarse);
+  CHECK(server.Ask("POST", kMesh + "?error=0.2%25").body == coarse);
   CHECK(server.Get(kMesh).body == ReadText(TheExample().full));
   CHECK(server.Get(kMesh + "?sphere=0,0,1,0.5&clip&normals&triangles=3000").body ==
         Extracted(store, {"--sphere", "0,0,1,0.5", "--clip", "--normals", "--triangles", "3000"}));
-  const HttpAnswer head = server.Ask("HEAD", kMesh + "?error-rel=0.002");
+  const HttpAnswer head = server.Ask("HEAD", kMesh + "?error=0.2%25");
   CHECK(head.header("Content-Length") == std::to_string(coarse.size()));
   CHECK(server.temporary_files() == 0);
 }
@@ -82,9 +82,9 @@ TEST_CASE("a mesh is byte for byte what extract writes, by parameters and by JSO
 TEST_CASE("the server sends every format", "[server]") {
   for (const std::string format : {"ply", "obj", "stl", "off", "glb", "drc"}) {
     INFO(format);
-    const HttpAnswer answer = TheServer().Get(kMesh + "?error-rel=0.01&format=" + format);
+    const HttpAnswer answer = TheServer().Get(kMesh + "?error=1%25&format=" + format);
     CHECK(answer.status == 200);
-    CHECK(answer.body == Extracted(TheExample().store, {"--error-rel", "0.01"}, "." + format));
+    CHECK(answer.body == Extracted(TheExample().store, {"--error", "1%"}, "." + format));
   }
 }
 
@@ -150,11 +150,11 @@ TEST_CASE("a name that is made to mean this machine does not open the server", "
   // Programs of the past, and no browser.
   CHECK(status(TheServer(), "", "/healthz") == 200);
   const ServerProcess named(SmallExample().store,
-                            {"--allow-host", "scans.example", "--allow-host", "b.example"});
+                            {"--allowed-host", "scans.example", "--allowed-host", "b.example"});
   CHECK(of(named, "Scans.Example:8080") == 200);
   CHECK(of(named, "b.example") == 200);
   CHECK(of(named, "x.scans.example") == 403);
-  const ServerProcess open(SmallExample().store, {"--allow-host", "*"});
+  const ServerProcess open(SmallExample().store, {"--allowed-host", "*"});
   CHECK(of(open, "any.example") == 200);
 }
 
@@ -270,7 +270,7 @@ TEST_CASE("many clients at once share an object's cache", "[server]") {
   constexpr int kClients = 120;
   const Example& example = TheExample();
   const ServerProcess server(example.store);
-  const std::string coarse = Extracted(example.store, {"--error-rel", "0.005"});
+  const std::string coarse = Extracted(example.store, {"--error", "0.5%"});
   const std::string part = Extracted(example.store, {"--sphere", "0,0,1,0.4"});
   std::atomic<int> right{0};
   std::vector<std::thread> clients;
@@ -280,7 +280,7 @@ TEST_CASE("many clients at once share an object's cache", "[server]") {
       for (int k = 0; k < 2; ++k) {
         const bool first = (i + k) % 2 == 0;
         connection.Send(
-            RequestText("GET", kMesh + (first ? "?error-rel=0.005" : "?sphere=0,0,1,0.4")));
+            RequestText("GET", kMesh + (first ? "?error=0.5%25" : "?sphere=0,0,1,0.4")));
         if (connection.ReceiveAnswer().body == (first ? coarse : part)) ++right;
       }
     });
@@ -370,7 +370,7 @@ TEST_CASE("objects come, change and go while the server runs", "[server]") {
   CHECK(server.Get("/objects/hill").status == 404);
   for (const char* triangles : {"500", "900"}) {
     RunOk({"generate", "terrain", mesh, "--triangles", triangles});
-    RunOk({"ingest", mesh, store, "--name", "hill", "--quiet", "--force"});
+    RunOk({"ingest", mesh, store, "--name", "hill", "--quiet", "--replace"});
     CHECK(server.Get("/objects").json().at("objects").size() == 2);
     CHECK(server.Get("/objects/hill/mesh").body == Extracted(store, {"--name", "hill"}));
   }
@@ -470,7 +470,7 @@ TEST_CASE("a packed file that is replaced or written over while it is served is 
   for (const size_t i : {size_t{0}, size_t{1}}) {
     const std::string mesh = folder.File("mesh.ply"), store = folder.File("store.mtdb");
     RunOk({"generate", "sculpture", mesh, "--triangles", "3000", "--seed", std::to_string(i)});
-    RunOk({"ingest", mesh, store, "--name", "x", "--quiet", "--force"});
+    RunOk({"ingest", mesh, store, "--name", "x", "--quiet", "--replace"});
     RunOk({"pack", store, packed});
     files[i] = ReadText(packed);
     meshes[i] = Extracted(store, {});

@@ -78,7 +78,8 @@ Result<Json> Between(const Json& from, const Json& to, double t, const std::stri
   if (from == to) return to;
   if (from.is_number() && to.is_number()) {
     const double value = from.number() + t * (to.number() - from.number());
-    return kWhole.contains(key) ? Json(static_cast<uint64_t>(std::llround(value))) : Json(value);
+    if (kWhole.contains(key)) return Json(static_cast<uint64_t>(std::llround(value)));
+    return Json(value);
   }
   const bool alike = (from.is_array() && to.is_array()) || (from.is_object() && to.is_object());
   if (!alike || from.size() != to.size()) {

@@ -36,7 +36,7 @@ struct IngestArguments {
   bool resume = false;
   std::string resume_command;  // the command line that goes on with this ingest
   bool dry_run = false;
-  bool force = false, quiet = false, json = false, verbose = false;
+  bool replace = false, quiet = false, json = false, verbose = false;
 };
 // Prints what the inputs are like, and what an ingest would make of them; stores nothing.
 Status Survey(const IngestArguments& arguments);

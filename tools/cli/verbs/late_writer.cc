@@ -21,7 +21,7 @@ Status LateWriter::Check() const {
   const Result<ObjectRecord> found = database->Find(name_);
   if (found.ok() && !replace_) {
     return {StatusCode::kAlreadyExists, store_ + ": object " + name_ +
-                                            " is there; replace it with --force, or choose "
+                                            " is there; replace it with --replace, or choose "
                                             "another --name"};
   }
   return found.ok() || found.status().code() == StatusCode::kNotFound ? Status::Ok()

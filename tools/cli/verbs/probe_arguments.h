@@ -20,7 +20,7 @@ struct ProbeArguments {
   std::optional<Ray> ray;                      // or this
   std::vector<std::array<double, 2>> heights;  // or these, of a terrain
   std::string heights_file;                    // or those of a file; "-": standard input
-  std::optional<double> error;
+  std::optional<AskedError> error;
   std::optional<double> limit;
   bool json = false;
 };

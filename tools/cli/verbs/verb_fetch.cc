@@ -105,7 +105,7 @@ Status Fetch(const QueryArguments& arguments) {
   return Status::Ok();
 }
 
-RunVerb AddFetch(CLI::App* verb) {
+RunVerb AddFetch(VerbOptions* verb) {
   const auto a = std::make_shared<QueryArguments>();
   AddUrl(verb, &a->store);
   AddOutput(verb, &a->output);

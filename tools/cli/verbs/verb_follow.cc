@@ -171,34 +171,32 @@ Status Follow(const FollowArguments& arguments) {
   return Status::Ok();
 }
 
-RunVerb AddFollow(CLI::App* verb) {
+RunVerb AddFollow(VerbOptions* verb) {
   const auto a = std::make_shared<FollowArguments>();
   AddUrl(verb, &a->url);
-  verb->add_option("--path", a->path,
-                   "what to ask for: a JSON object a line, a query of its own or a keyframe; "
-                   "required")
-      ->required()
-      ->type_name("FILE");
-  verb->add_option("--output", a->output,
-                   "write the mesh of each step; %d or %03d stands for the step: step-%03d.ply")
-      ->type_name("PATTERN")
-      ->check([](const std::string& text) {
+  verb->Add("--path", a->path,
+            "what to ask for: a JSON object a line, a query of its own or a keyframe; "
+            "required")
+      .Required()
+      .Form("FILE");
+  verb->Add("--output", a->output,
+            "write the mesh of each step; %d or %03d stands for the step: step-%03d.ply")
+      .Form("PATTERN")
+      .Check([](const std::string& text) {
         const Status status = StepFile(text, 0).status();
         return status.ok() ? WrittenMeshFormatOf(text).status().message() : status.message();
       });
-  verb->add_option("--csv", a->csv,
-                   "write a table of bytes, milliseconds and triangles, a row a step")
-      ->type_name("FILE");
+  verb->Add("--csv", a->csv, "write a table of bytes, milliseconds and triangles, a row a step")
+      .Form("FILE");
   AddName(verb, &a->name);
-  verb->add_option("--remember", a->remembered_vertices,
-                   "remember N removed vertices, so that they need not come again")
-      ->type_name("N")
-      ->check(CLI::Range(0u, 1u << 24))
-      ->capture_default_str();
+  verb->Add("--remembered-vertices", a->remembered_vertices,
+            "remember N removed vertices, so that they need not come again")
+      .Form("N")
+      .Between(0, 1 << 24);
   AddTimeout(verb, &a->timeout_seconds);
   AddParsed(verb, "--reconnect", "SECONDS", &a->reconnect_seconds, ParseSeconds,
             "when the connection is lost, try so long to get another, and go on from the base mesh")
-      ->default_str("0");
+      .Default("0");
   AddJson(verb, &a->json);
   return [a](Invocation&) { return Follow(*a); };
 }

@@ -34,14 +34,14 @@ Status Generate(const GenerateArguments& arguments) {
   return Status::Ok();
 }
 
-RunVerb AddGenerate(CLI::App* verb) {
+RunVerb AddGenerate(VerbOptions* verb) {
   const auto a = std::make_shared<GenerateArguments>();
-  verb->add_option("SHAPE", a->shape,
-                   "sculpture (closed, with handles and bumps of all sizes), terrain (a height "
-                   "field) or sheets (not manifold: a closed surface, two-sided on a third of its "
-                   "area, with fins, flaps and crumbs)")
-      ->required()
-      ->check(CLI::IsMember({"sculpture", "terrain", "sheets"}));
+  verb->Add("SHAPE", a->shape,
+            "sculpture (closed, with handles and bumps of all sizes), terrain (a height field) or "
+            "sheets (not manifold: a closed surface, two-sided on a third of its area, with fins, "
+            "flaps and crumbs)")
+      .Required()
+      .OneOf({"sculpture", "terrain", "sheets"});
   AddOutput(verb, &a->output);
   const auto parse = [](const std::string& text) -> Result<uint64_t> {
     auto count = ParseCount(text);
@@ -51,10 +51,10 @@ RunVerb AddGenerate(CLI::App* verb) {
   AddParsed(verb, "--triangles", "N", &a->triangles, parse,
             "about N triangles, from 100 to 8300M (as far as indices of 32 bits go), e.g. 100k; "
             "required")
-      ->required();
+      .Required();
   AddJson(verb, &a->json);
   AddParsed(verb, "--seed", "S", &a->seed, ParseWholeNumber, "another number, another shape")
-      ->default_str("1");
+      .Default("1");
   return [a](Invocation&) { return Generate(*a); };
 }
 

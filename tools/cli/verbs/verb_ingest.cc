@@ -214,6 +214,7 @@ void PrintNotes(const std::vector<std::string>& notes) {
 
 Status Survey(const IngestArguments& arguments) {
   MTDB_RETURN_IF_ERROR(CheckNoPicture(arguments.inputs));
+  MTDB_RETURN_IF_ERROR(CheckNoStore(arguments.inputs));
   BuildOptions options = OptionsOf(arguments, RealStorePath(arguments.store));
   std::vector<std::string> notes;
   MTDB_ASSIGN_OR_RETURN(const std::unique_ptr<RasterIngest> raster,
@@ -247,6 +248,7 @@ namespace {
 
 Status Ingest(const IngestArguments& arguments) {
   MTDB_RETURN_IF_ERROR(CheckNoPicture(arguments.inputs));
+  MTDB_RETURN_IF_ERROR(CheckNoStore(arguments.inputs));
   const std::string store = RealStorePath(arguments.store);
   BuildOptions options = OptionsOf(arguments, store);
   const std::string name = arguments.name.empty() ? Stem(arguments.inputs[0]) : arguments.name;
@@ -265,7 +267,7 @@ Status Ingest(const IngestArguments& arguments) {
   // To go on with what was published before it was killed is to publish the same again.
   const bool finished = Finished(options, store, name);
   if (!arguments.quiet && !arguments.json) SayResumable(options, name);
-  LateWriter writer(arguments.store, name, arguments.force || (finished && arguments.resume));
+  LateWriter writer(arguments.store, name, arguments.replace || (finished && arguments.resume));
   MTDB_RETURN_IF_ERROR(writer.Check());
   if (arguments.dry_run) return Survey(arguments);
   ProgressLine progress(arguments.quiet || arguments.json);
@@ -296,7 +298,7 @@ Status Ingest(const IngestArguments& arguments) {
     if (report.journal_left) {
       const StatusCode code = record.status().code();
       return Status(code, record.status().message() + "; the same command with --resume" +
-                              (code == StatusCode::kAlreadyExists ? " --force" : "") +
+                              (code == StatusCode::kAlreadyExists ? " --replace" : "") +
                               " goes on where it stopped");
     }
     return WithFile(arguments, record.status());
@@ -340,78 +342,80 @@ Status Ingest(const IngestArguments& arguments) {
   return Status::Ok();
 }
 
-void AddInputs(CLI::App* verb, std::vector<std::string>* paths, IngestArguments* a) {
-  verb->add_option("INPUT... STORE", *paths,
-                   "mesh files (" + SuffixesOf(ReadMeshFormats()) +
-                       ", also compressed by gzip, or - for standard input; several become one "
-                       "object), or rasters of heights (" +
-                       OwnRasterSuffixes() + (HasGdal() ? ", and what GDAL reads" : "") +
-                       "; several of one grid are joined), then the store, which is made when it "
-                       "is not there")
-      ->required()
-      ->expected(2, 1 << 20);
+void AddInputs(VerbOptions* verb, std::vector<std::string>* paths, IngestArguments* a) {
+  verb->Add("INPUT... STORE", *paths,
+            "mesh files (" + SuffixesOf(ReadMeshFormats()) +
+                ", also compressed by gzip, or - for standard input; several become one "
+                "object), or rasters of heights (" +
+                OwnRasterSuffixes() + (HasGdal() ? ", and what GDAL reads" : "") +
+                "; several of one grid are joined), then the store, which is made when it "
+                "is not there")
+      .Required()
+      .Values(2, 1 << 20);
   AddInputFormat(verb, &a->format);
-  verb->add_option("--name", a->name,
-                   "the object's name (default: INPUT without folders and extension)")
-      ->type_name("NAME")
-      ->check([](const std::string& text) { return CheckObjectName(text).message(); });
+  verb->Add("--name", a->name, "the object's name (default: INPUT without folders and extension)")
+      .Form("NAME")
+      .Check([](const std::string& text) { return CheckObjectName(text).message(); });
 }
 
-void AddRounding(CLI::App* verb, IngestArguments* a) {
-  auto* bits = verb->add_option("--bits", a->bits,
-                                "round positions to a grid of 2^N cells along the longest side, "
-                                "N from 1 to 24 (default: a grid that suits the mesh, of 16 bits "
-                                "or more; --dry-run says which)")
-                   ->type_name("N")
-                   ->check(CLI::Range(1, 24));
-  auto* step = AddParsed(verb, "--step", "S", &a->step, ParsePositive,
-                         "round positions to multiples of S model units instead");
-  AddParsed(verb, "--step-z", "S", &a->step_z, ParsePositive,
+void AddRounding(VerbOptions* verb, IngestArguments* a) {
+  const VerbOption bits =
+      verb->Add("--bits", a->bits,
+                "round positions to a grid of 2^N cells along the longest side, "
+                "N from 1 to 24 (default: a grid that suits the mesh, of 16 bits "
+                "or more; --dry-run says which)")
+          .Form("N")
+          .Between(1, 24);
+  const VerbOption step = AddParsed(verb, "--step", "S", &a->step, ParsePositive,
+                                    "round positions to multiples of S model units instead");
+  AddParsed(verb, "--height-step", "S", &a->step_z, ParsePositive,
             "rasters: round heights to multiples of S (default: integers and decimals as they are "
             "written; other floats so that rounding is small beside their range and differences; "
             "'mtdb info FILE' says it)");
-  verb->add_option("--fill", a->fill,
-                   "rasters: close holes of up to N columns and rows of samples (pixels) with a "
-                   "smooth surface; larger ones and the outside stay")
-      ->type_name("N")
-      ->check(CLI::Range(1, 1 << 20));
-  verb->add_flag("--terrain", a->terrain,
-                 "the mesh is a height field, z above x and y, and becomes a terrain: errors are "
-                 "differences in height; one that is folded is refused");
-  auto* lossless = verb->add_flag("--lossless", a->lossless, "keep float32 positions bit for bit");
-  bits->excludes(step)->excludes(lossless);
-  step->excludes(lossless);
+  verb->Add("--fill", a->fill,
+            "rasters: close holes of up to N columns and rows of samples (pixels) with a "
+            "smooth surface; larger ones and the outside stay")
+      .Form("N")
+      .Between(1, 1 << 20);
+  verb->AddFlag("--terrain", a->terrain,
+                "the mesh is a height field, z above x and y, and becomes a terrain: errors are "
+                "differences in height; one that is folded is refused");
+  const VerbOption lossless =
+      verb->AddFlag("--lossless", a->lossless, "keep float32 positions bit for bit");
+  bits.Excludes(step).Excludes(lossless);
+  step.Excludes(lossless);
 }
 
-void AddWeld(CLI::App* verb, IngestArguments* a) {
+void AddWeld(VerbOptions* verb, IngestArguments* a) {
   // A word that is no tolerance is mostly the next argument.
-  verb->add_option_function<std::string>(
+  verb->AddText(
           "--weld",
-          [a](const std::string& text) {
+          [a](const std::string& text) -> Status {
             const auto tolerance = ParseNonNegative(text.empty() ? "0" : text);
             if (!tolerance.ok()) {
-              throw CLI::ValidationError("--weld", tolerance.status().message() +
-                                                       "; write --weld=0 before other arguments");
+              return InvalidArgument(tolerance.status().message() +
+                                     "; write --weld=0 before other arguments");
             }
             a->weld = *tolerance;
+            return Status::Ok();
           },
           "join vertices of equal positions, or of positions within TOLERANCE model units, into "
           "one: several files, or tiles that adjoin, become one surface")
-      ->type_name("[TOLERANCE]")
-      ->expected(0, 1);
-  verb->add_flag("--no-weld", a->keep_apart,
-                 "keep cuts in the mesh (default: joined where attributes agree)")
-      ->excludes("--weld");
+      .Form("[TOLERANCE]")
+      .Values(0, 1);
+  verb->AddFlag("--no-weld", a->keep_apart,
+                "keep cuts in the mesh (default: joined where attributes agree)")
+      .Excludes("--weld");
 }
 
-void AddAttributes(CLI::App* verb, IngestArguments* a) {
-  verb->add_option("--normals", a->normal_bits,
-                   "keep of normals (nx, ny, nz) the direction only, in N bits a component, N from "
-                   "4 to 16, e.g. 10 (default: lossless)")
-      ->type_name("N")
-      ->check(CLI::Range(4, 16));
+void AddAttributes(VerbOptions* verb, IngestArguments* a) {
+  verb->Add("--normal-bits", a->normal_bits,
+            "keep of normals (nx, ny, nz) the direction only, in N bits a component, N from "
+            "4 to 16, e.g. 10 (default: lossless)")
+      .Form("N")
+      .Between(4, 16);
   AddParsedList(
-      verb, "--attribute", "NAME=STEP", &a->attribute_steps, ParseAttributeStep,
+      verb, "--attribute-step", "NAME=STEP", &a->attribute_steps, ParseAttributeStep,
       "round a float attribute to multiples of a step (default: lossless); may be repeated");
   AddParsed(verb, "--up", "AXIS", &a->up, ParseUp,
             "what is up in pictures and in the viewer: x, y, z, -x, -y, -z (as --up=-y), or a "
@@ -421,46 +425,46 @@ void AddAttributes(CLI::App* verb, IngestArguments* a) {
             "number");
 }
 
-void AddWork(CLI::App* verb, IngestArguments* a) {
-  verb->add_option("--threads", a->threads, "use N threads (default: one per core)")
-      ->type_name("N")
-      ->check(CLI::Range(1, 1024));
+void AddWork(VerbOptions* verb, IngestArguments* a) {
+  verb->Add("--threads", a->threads, "use N threads (default: one per core)")
+      .Form("N")
+      .Between(1, 1024);
   AddParsed(verb, "--memory", "SIZE", &a->memory_bytes, ParseMemory,
             "use at most so much memory, the rest goes to temporary files, e.g. 1G; at least 256M "
             "(default: a quarter of the machine's)");
-  verb->add_option("--tmp", a->tmp, "folder of temporary files (default: the store's)")
-      ->type_name("DIR");
+  verb->Add("--tmp", a->tmp, "folder of temporary files (default: the store's)").Form("DIR");
   AddParsed(verb, "--max-tmp", "SIZE", &a->max_tmp_bytes, ParseSize,
             "temporary files and the journal take at most so much (default: all there is)");
-  verb->add_flag("--resume", a->resume, "go on where an interrupted ingest of this input stopped");
-  verb->add_flag("--force", a->force, "replace an object of that name");
-  verb->add_flag("--dry-run", a->dry_run,
-                 "store nothing; tell what the mesh is like, which accuracy suits it, and what it "
-                 "takes")
-      ->excludes("--resume");
+  verb->AddFlag("--resume", a->resume, "go on where an interrupted ingest of this input stopped");
+  verb->AddFlag("--replace", a->replace, "replace an object of that name");
+  verb->AddFlag("--dry-run", a->dry_run,
+                "store nothing; tell what the mesh is like, which accuracy suits it, and what it "
+                "takes")
+      .Excludes("--resume");
   AddJson(verb, &a->json);
   AddVerbose(verb, &a->verbose);
 }
 
 // What single options cannot see.
-void CheckPaths(const std::vector<std::string>& paths, const IngestArguments& a) {
+Status CheckPaths(const std::vector<std::string>& paths, const IngestArguments& a) {
   const auto count = std::count(paths.begin(), paths.end() - 1, "-");
-  if (count > 1) throw CLI::ValidationError("-", "standard input can be read once");
+  if (count > 1) return InvalidArgument("-: standard input can be read once");
   if (paths.front() == "-" && a.name.empty() && !a.dry_run) {
-    throw CLI::ValidationError("-", "standard input has no name: give the object one by --name");
+    return InvalidArgument("-: standard input has no name: give the object one by --name");
   }
   if (count == 0 && !a.format.empty()) {
-    throw CLI::ValidationError("--format", "goes with - only; files are known by their names");
+    return InvalidArgument("--format: goes with - only; files are known by their names");
   }
   if (Database::IsUrl(paths.back())) {
-    throw CLI::ValidationError(paths.back(), "a URL cannot be written to; give a file");
+    return InvalidArgument(paths.back() + ": a URL cannot be written to; give a file");
   }
   if (count == 1 && a.resume) {
-    throw CLI::ValidationError("--resume", "cannot read standard input again; copy it to a file");
+    return InvalidArgument("--resume: cannot read standard input again; copy it to a file");
   }
+  return Status::Ok();
 }
 
-RunVerb AddIngest(CLI::App* verb) {
+RunVerb AddIngest(VerbOptions* verb) {
   const auto a = std::make_shared<IngestArguments>();
   const auto paths = std::make_shared<std::vector<std::string>>();
   AddInputs(verb, paths.get(), a.get());
@@ -468,7 +472,7 @@ RunVerb AddIngest(CLI::App* verb) {
   AddWeld(verb, a.get());
   AddAttributes(verb, a.get());
   AddWork(verb, a.get());
-  verb->callback([a, paths] { CheckPaths(*paths, *a); });
+  verb->CheckAll([a, paths] { return CheckPaths(*paths, *a); });
   return [a, paths](Invocation& invocation) {
     a->store = paths->back();
     a->inputs.assign(paths->begin(), paths->end() - 1);

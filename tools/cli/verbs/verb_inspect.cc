@@ -17,6 +17,7 @@
 #include "tools/cli/grouped.h"
 #include "tools/cli/options.h"
 #include "tools/cli/raster_ingest.h"
+#include "tools/cli/raster_text.h"
 #include "tools/cli/verbs.h"
 #include "tools/cli/verbs/ingest_arguments.h"
 #include "tools/cli/verbs/ingest_journal.h"
@@ -73,12 +74,11 @@ Result<BitsPerVertex> MeasureStreams(const Database& database, const ObjectRecor
 // The raster that the object was, as it came.
 void PrintRaster(const ObjectRecord& r) {
   const RasterFrame& f = *r.raster;
-  const auto& g = f.geotransform;
-  std::printf("  raster       %u columns, %u rows, %s, a sample stands for %s\n", f.columns, f.rows,
-              Printable(f.sample_type).c_str(), f.is_area ? "its pixel" : "a point");
-  std::printf("  geotransform %.17g %.17g %.17g %.17g %.17g %.17g, of %s\n", g[0], g[1], g[2], g[3],
-              g[4], g[5], f.transform_of_samples ? "samples" : "the corners of pixels");
-  std::printf("  heights      steps of %.9g %s", r.grid.step, Printable(f.height_units).c_str());
+  std::printf("  raster       %s\n", RasterSizeText(f).c_str());
+  std::printf("  samples      %s\n", SamplePlacesText(f).c_str());
+  const std::string units = f.height_units.empty() ? "" : " " + Printable(f.height_units);
+  std::printf("  heights      %.9g to %.9g%s, in steps of %.9g", r.bounds.min.z, r.bounds.max.z,
+              units.c_str(), r.grid.step);
   if (!f.vertical_datum.empty()) std::printf(", datum %s", Printable(f.vertical_datum).c_str());
   if (f.nodata) std::printf(", nodata was %.9g", *f.nodata);
   std::printf(", rounded by up to %.6g\n", r.rounding_error);
@@ -318,27 +318,26 @@ Status Verify(const InspectArguments& arguments, bool* failed) {
   return Status::Ok();
 }
 
-RunVerb AddInfo(CLI::App* verb) {
+RunVerb AddInfo(VerbOptions* verb) {
   const auto a = std::make_shared<InspectArguments>();
-  verb->add_option("STORE", a->store,
-                   "the store file, or a mesh file; - is a mesh on standard input")
-      ->required();
+  verb->Add("STORE", a->store, "the store file, or a mesh file; - is a mesh on standard input")
+      .Required();
   AddInputFormat(verb, &a->format);
   AddOnly(verb, &a->name);
   AddJson(verb, &a->json);
-  verb->add_flag("--streams", a->streams,
-                 "read all clusters, and tell what their streams take, attributes among them");
+  verb->AddFlag("--streams", a->streams,
+                "read all clusters, and tell what their streams take, attributes among them");
   AddCacheDirectory(verb, &a->open);
   return [a](Invocation&) { return Info(*a); };
 }
 
-RunVerb AddList(CLI::App* verb) {
+RunVerb AddList(VerbOptions* verb) {
   const auto a = std::make_shared<InspectArguments>();
   AddStore(verb, &a->store);
   AddJson(verb, &a->json);
-  verb->add_option("--tmp", a->tmp,
-                   "look for journals of interrupted ingests in DIR (default: the store's folder)")
-      ->type_name("DIR");
+  verb->Add("--tmp", a->tmp,
+            "look for journals of interrupted ingests in DIR (default: the store's folder)")
+      .Form("DIR");
   AddCacheDirectory(verb, &a->open);
   return [a](Invocation&) { return List(*a); };
 }
@@ -358,22 +357,21 @@ Status VerifyTileFolder(const InspectArguments& arguments, const std::string& fo
   return Status::Ok();
 }
 
-RunVerb AddVerify(CLI::App* verb) {
+RunVerb AddVerify(VerbOptions* verb) {
   const auto a = std::make_shared<InspectArguments>();
   const auto tiles = std::make_shared<std::string>();
   AddStore(verb, &a->store);
   AddOnly(verb, &a->name);
   AddJson(verb, &a->json);
-  verb->add_option("--level", a->level,
-                   "fast: pages, checksums, index, digests; full: also decodes every cluster; "
-                   "global: also rebuilds the whole surface and compares it with what was ingested")
-      ->type_name("LEVEL")
-      ->check(CLI::IsMember({"fast", "full", "global"}))
-      ->capture_default_str();
-  verb->add_option("--tiles", *tiles,
-                   "instead check the tiles in DIR ('mtdb tile'): files, boxes, errors, and "
-                   "distances from the object")
-      ->type_name("DIR");
+  verb->Add("--level", a->level,
+            "fast: pages, checksums, index, digests; full: also decodes every cluster; "
+            "global: also rebuilds the whole surface and compares it with what was ingested")
+      .Form("LEVEL")
+      .OneOf({"fast", "full", "global"});
+  verb->Add("--tiles", *tiles,
+            "instead check the tiles in DIR ('mtdb tile'): files, boxes, errors, and "
+            "distances from the object")
+      .Form("DIR");
   AddCacheDirectory(verb, &a->open);
   return [a, tiles](Invocation& invocation) {
     return tiles->empty() ? Verify(*a, &invocation.failed)

@@ -21,7 +21,7 @@ struct PackArguments {
   OpenOptions open;  // of `from`
   std::string to;
   std::vector<std::string> names;  // none: all
-  bool force = false;              // unpack: replaces objects
+  bool replace = false;            // unpack: replaces objects
   bool json = false;
 };
 // The given ones in their order; without any, all by name.
@@ -90,7 +90,7 @@ Status Unpack(const PackArguments& arguments) {
                           Database::Open(arguments.to, {.writable = true}));
     for (const auto& source : sources) {
       MTDB_RETURN_IF_ERROR(
-          CopyObject(*source, *store, source->record().name, arguments.force).status());
+          CopyObject(*source, *store, source->record().name, arguments.replace).status());
     }
   } else {
     MTDB_RETURN_IF_ERROR(CopyToNewStore(sources, arguments.to));
@@ -106,29 +106,27 @@ Status Unpack(const PackArguments& arguments) {
   return Status::Ok();
 }
 
-void AddNamesAndJson(CLI::App* verb, PackArguments* a) {
-  verb->add_option("--name", a->names, "this object only; several: in this order")
-      ->type_name("NAME")
-      ->expected(1)
-      ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
+void AddNamesAndJson(VerbOptions* verb, PackArguments* a) {
+  verb->Add("--name", a->names, "this object only; several: in this order")
+      .Form("NAME")
+      .Repeatable();
   AddJson(verb, &a->json);
 }
 
-RunVerb AddPack(CLI::App* verb) {
+RunVerb AddPack(VerbOptions* verb) {
   const auto a = std::make_shared<PackArguments>();
   AddStore(verb, &a->from);
-  IsWritten(verb->add_option("FILE", a->to, "the packed file; one of that name is replaced"))
-      ->required();
+  IsWritten(verb->Add("FILE", a->to, "the packed file; one of that name is replaced")).Required();
   AddNamesAndJson(verb, a.get());
   return [a](Invocation&) { return Pack(*a); };
 }
 
-RunVerb AddUnpack(CLI::App* verb) {
+RunVerb AddUnpack(VerbOptions* verb) {
   const auto a = std::make_shared<PackArguments>();
-  verb->add_option("FILE", a->from, "the packed file, or its URL")->required();
-  IsWritten(verb->add_option("STORE", a->to, "the store; made if it is not there"))->required();
+  verb->Add("FILE", a->from, "the packed file, or its URL").Required();
+  IsWritten(verb->Add("STORE", a->to, "the store; made if it is not there")).Required();
   AddNamesAndJson(verb, a.get());
-  verb->add_flag("--force", a->force, "replace objects of the same names");
+  verb->AddFlag("--replace", a->replace, "replace objects of the same names");
   AddCacheDirectory(verb, &a->open);
   return [a](Invocation&) { return Unpack(*a); };
 }

@@ -16,7 +16,6 @@ namespace {
 
 void PrintProbe(const ProbeArguments& arguments, const ObjectRecord& record,
                 const ProbeAnswer& answer, double seconds) {
-  const char* const measure = arguments.ray ? "parameter" : "distance";
   if (arguments.json) {
     Json json = ProbeJson(record, answer, arguments.ray.has_value());
     json["seconds"] = {{"total", seconds}};
@@ -25,8 +24,8 @@ void PrintProbe(const ProbeArguments& arguments, const ObjectRecord& record,
   }
   if (answer.hit) {
     const ProbeHit& hit = *answer.hit;
-    std::printf("%.9g %.9g %.9g: %s %.9g, from %s, error at most %.6g\n", hit.point.x, hit.point.y,
-                hit.point.z, measure, hit.distance, hit.front ? "outside" : "inside",
+    std::printf("%.9g %.9g %.9g: distance %.9g, from %s, error at most %.6g\n", hit.point.x,
+                hit.point.y, hit.point.z, hit.distance, hit.front ? "outside" : "inside",
                 answer.error_bound);
     if (answer.excess > 0) {
       std::printf(
@@ -52,7 +51,7 @@ Status Probe(const ProbeArguments& arguments) {
                         database->OpenObject(arguments.name));
   MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Surface> surface, Surface::Open(std::move(source)));
   ProbeOptions options;
-  if (arguments.error) options.error_model = *arguments.error;
+  options.error_model = ErrorModelOf(arguments.error, surface->record().diagonal());
   if (arguments.limit) options.limit = *arguments.limit;
   Result<ProbeAnswer> answer =
       arguments.ray ? CastRay(*surface, arguments.ray->origin, arguments.ray->direction, options)
@@ -63,35 +62,37 @@ Status Probe(const ProbeArguments& arguments) {
   return Status::Ok();
 }
 
-RunVerb AddProbe(CLI::App* verb) {
+RunVerb AddProbe(VerbOptions* verb) {
   const auto a = std::make_shared<ProbeArguments>();
-  verb->add_option("STORE", a->store, "the store file")->required();
+  verb->Add("STORE", a->store, "the store file").Required();
   AddName(verb, &a->name);
-  auto* point = AddParsed(verb, "--point", "X,Y,Z", &a->point, ParsePoint,
-                          "find the closest point of the surface to this one");
+  const VerbOption point = AddParsed(verb, "--point", "X,Y,Z", &a->point, ParsePoint,
+                                     "find the closest point of the surface to this one");
   AddParsed(verb, "--ray", "X,Y,Z,DX,DY,DZ", &a->ray, ParseRay,
             "find where this ray, of origin and direction, first meets the surface")
-      ->excludes(point);
+      .Excludes(point);
   AddParsedList(verb, "--height", "X,Y", &a->heights, ParsePlace,
                 "of a terrain: the height there; may be repeated")
-      ->excludes("--point")
-      ->excludes("--ray");
-  verb->add_option("--heights", a->heights_file,
-                   "of a terrain: the heights at the places of a file, X,Y a line, or of - for "
-                   "standard input")
-      ->type_name("FILE")
-      ->excludes("--point")
-      ->excludes("--ray")
-      ->excludes("--height");
-  AddParsed(verb, "--error", "E", &a->error, ParseNonNegative,
-            "on a surface within E of the input, in model units (default: full resolution)");
+      .Excludes("--point")
+      .Excludes("--ray");
+  verb->Add("--heights", a->heights_file,
+            "of a terrain: the heights at the places of a file, X,Y a line, or of - for "
+            "standard input")
+      .Form("FILE")
+      .Excludes("--point")
+      .Excludes("--ray")
+      .Excludes("--height");
+  AddParsed(verb, "--error", "E", &a->error, ParseError,
+            "on a surface within E of the input, in model units, or E% of the diagonal (default: "
+            "full resolution)");
   AddParsed(verb, "--limit", "D", &a->limit, ParseNonNegative,
             "look no farther: a distance, or for rays a multiple of the direction");
   AddJson(verb, &a->json);
-  verb->callback([a] {
+  verb->CheckAll([a]() -> Status {
     if (!a->point && !a->ray && a->heights.empty() && a->heights_file.empty()) {
-      throw CLI::ValidationError("probe", "give --point, --ray, --height or --heights");
+      return InvalidArgument("probe: give --point, --ray, --height or --heights");
     }
+    return Status::Ok();
   });
   AddCacheDirectory(verb, &a->open);
   return [a](Invocation&) { return Probe(*a); };

@@ -100,19 +100,19 @@ Status Extract(const QueryArguments& arguments) {
   return Status::Ok();
 }
 
-RunVerb AddExtract(CLI::App* verb) {
+RunVerb AddExtract(VerbOptions* verb) {
   const auto a = std::make_shared<QueryArguments>();
   AddStore(verb, &a->store);
   AddOutput(verb, &a->output, true, true);
-  verb->add_option("--format", a->output_format,
-                   "the format of standard output: ply, obj, stl, off or drc")
-      ->type_name("FORMAT")
-      ->check(
+  verb->Add("--format", a->output_format,
+            "the format of standard output: ply, obj, stl, off or drc")
+      .Form("FORMAT")
+      .Check(
           [](const std::string& text) { return FindWrittenMeshFormat(text).status().message(); });
   AddQueryOptions(verb, a.get(), false);
-  verb->add_option("--drape", a->drape,
-                   "to .glb: with this image over it (a PNG or JPEG with a world file, a GeoTIFF)")
-      ->type_name("FILE");
+  verb->Add("--drape", a->drape,
+            "to .glb: with this image over it (a PNG or JPEG with a world file, a GeoTIFF)")
+      .Form("FILE");
   AddParsed(verb, "--spacing", "D[,DY]", &a->spacing, ParseSpacing,
             "of a terrain to .tif (with GDAL), .asc or .hgt: samples so far apart (default: the "
             "raster's own)");

@@ -49,11 +49,11 @@ void Stretch(Vec3d scale, TriangleMesh* mesh) {
 // north-west, and without a view or a camera from above.
 void DrawAsMap(const QueryArguments& arguments, const ObjectRecord& record,
                RenderOptions* options) {
-  if (IsTerrain(record) && options->colour_by == ColourBy::kVertexColours) {
-    options->colour_by = options->drape ? ColourBy::kNothing : ColourBy::kHeight;
+  if (IsTerrain(record) && options->colour == ColourBy::kVertexColours) {
+    options->colour = options->drape ? ColourBy::kNothing : ColourBy::kHeight;
     options->hillshade = true;
   }
-  if (options->colour_by != ColourBy::kHeight) return;
+  if (options->colour != ColourBy::kHeight) return;
   options->height_scale = arguments.exaggerate;
   if (record.raster) options->height_units = record.raster->height_units;
   if (!options->range) options->range = {record.bounds.min.z, record.bounds.max.z};
@@ -63,7 +63,7 @@ void DrawAsMap(const QueryArguments& arguments, const ObjectRecord& record,
 Status ReadImage(const QueryArguments& arguments, const ObjectRecord& record,
                  RenderOptions* options) {
   if (arguments.drape.empty()) return Status::Ok();
-  if (options->colour_by >= ColourBy::kNormal && options->colour_by != ColourBy::kHeight) {
+  if (options->colour >= ColourBy::kNormal && options->colour != ColourBy::kHeight) {
     return InvalidArgument(
         "--drape: does not go with --colour error, normal or an attribute, whose colours stand for "
         "values");
@@ -131,9 +131,9 @@ std::string ColourText(const RenderOptions& options, const std::array<double, 2>
                        const ExtractStats& reference) {
   char line[400];
   std::string what = options.attribute;
-  if (options.colour_by == ColourBy::kHeight)
+  if (options.colour == ColourBy::kHeight)
     what = options.height_units.empty() ? "height" : "height in " + options.height_units;
-  if (options.colour_by == ColourBy::kDistance) {
+  if (options.colour == ColourBy::kDistance) {
     std::snprintf(line, sizeof(line),
                   "how far the picture's surface is from the best one of %s triangles",
                   Grouped(reference.triangles).c_str());
@@ -172,7 +172,7 @@ Status Render(const QueryArguments& arguments) {
   options.height = arguments.size.height;
   MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Surface> surface, OpenSurface(arguments));
   const Vec3d scale = PictureScale(surface->record(), arguments);
-  if (options.colour_by == ColourBy::kDistance && arguments.exaggerate != 1) {
+  if (options.colour == ColourBy::kDistance && arguments.exaggerate != 1) {
     return InvalidArgument("--exaggerate: does not go with --colour error, which measures");
   }
   MTDB_RETURN_IF_ERROR(ReadImage(arguments, surface->record(), &options));
@@ -186,7 +186,7 @@ Status Render(const QueryArguments& arguments) {
   const Clock::time_point drawn = Clock::now();
   MTDB_RETURN_IF_ERROR(ChooseView(arguments, *surface, query.clip, &options));
   ExtractStats reference_stats;
-  if (options.colour_by == ColourBy::kDistance) {
+  if (options.colour == ColourBy::kDistance) {
     Query best;
     best.max_triangles = kReferenceTriangles;
     MTDB_ASSIGN_OR_RETURN(reference_stats, surface->Extract(best, reference_sink));
@@ -237,95 +237,97 @@ Result<std::array<double, 2>> ParseRange(const std::string& text) {
 void SetColouring(const std::string& text, RenderOptions* picture) {
   constexpr std::string_view kAttribute = "attribute:";
   if (text == "none") {
-    picture->colour_by = ColourBy::kNothing;
+    picture->colour = ColourBy::kNothing;
   } else if (text == "normal") {
-    picture->colour_by = ColourBy::kNormal;
+    picture->colour = ColourBy::kNormal;
   } else if (text == "height") {
-    picture->colour_by = ColourBy::kHeight;
+    picture->colour = ColourBy::kHeight;
   } else if (text == "error") {
-    picture->colour_by = ColourBy::kDistance;
+    picture->colour = ColourBy::kDistance;
   } else {
-    picture->colour_by = ColourBy::kAttribute;
+    picture->colour = ColourBy::kAttribute;
     picture->attribute = text.starts_with(kAttribute) ? text.substr(kAttribute.size()) : text;
   }
 }
 
 // What its colours mean.
-void AddColourOptions(CLI::App* verb, const char* group, QueryArguments* a) {
-  verb->add_option_function<std::string>(
-          "--colour", [a](const std::string& text) { SetColouring(text, &a->picture); },
+void AddColourOptions(VerbOptions* verb, const char* group, QueryArguments* a) {
+  verb->AddText(
+          "--colour",
+          [a](const std::string& text) {
+            SetColouring(text, &a->picture);
+            return Status::Ok();
+          },
           "colour by: an attribute's name; height, by tints as of maps; error, the distance from "
           "the surface at full resolution; normal; or none (default: the scan's red, green, blue; "
           "of a terrain height). attribute:NAME is "
           "an attribute, whatever its name")
-      ->type_name("WHAT")
-      ->group(group);
-  verb->add_option("--drape", a->drape,
-                   "with this image over it, where it lies: a PNG or JPEG with a world file beside "
-                   "it, a GeoTIFF")
-      ->type_name("FILE")
-      ->group(group);
+      .Form("WHAT")
+      .Group(group);
+  verb->Add("--drape", a->drape,
+            "with this image over it, where it lies: a PNG or JPEG with a world file beside "
+            "it, a GeoTIFF")
+      .Form("FILE")
+      .Group(group);
   AddParsed(verb, "--range", "LEAST,MOST", &a->picture.range, ParseRange,
             "the values of the first and the last colour (default: those that there are)")
-      ->group(group);
+      .Group(group);
 }
 
 // After AddQueryOptions.
-void AddPictureOptions(CLI::App* verb, QueryArguments* a) {
+void AddPictureOptions(VerbOptions* verb, QueryArguments* a) {
   const char* group = "The picture";
   AddParsed(verb, "--size", "WxH", &a->size, ParseExtent, "width and height in pixels")
-      ->default_str("1200x900")
-      ->group(group);
-  verb->add_option("--view", a->view,
-                   "without a camera, look from: front, back, left, right, top, bottom, iso, or "
-                   "auto, which shows the broader side from above, and a terrain as a map; --up "
-                   "says what is up "
-                   "(default: found from the shape)")
-      ->type_name("SIDE")
-      ->check(CLI::IsMember(std::vector<std::string>(kViewNames.begin(), kViewNames.end())))
-      ->default_str("auto")
-      ->group(group);
+      .Default("1200x900")
+      .Group(group);
+  verb->Add("--view", a->view,
+            "without a camera, look from: front, back, left, right, top, bottom, iso, or "
+            "auto, which looks from the front and a little from the right, or shows a "
+            "terrain as a map; --up says what is up (default: found from the shape)")
+      .Form("SIDE")
+      .OneOf(std::vector<std::string>(kViewNames.begin(), kViewNames.end()))
+      .Default("auto")
+      .Group(group);
   AddColourOptions(verb, group, a);
-  verb->add_option_function<std::string>(
+  verb->AddText(
           "--background",
-          [a](const std::string& text) {
+          [a](const std::string& text) -> Status {
             const Result<Background> background = ParseBackground(text);
-            if (!background.ok()) {
-              throw CLI::ValidationError("--background", background.status().message());
-            }
+            if (!background.ok()) return background.status();
             a->picture.background = background->colour;
             a->picture.transparent = background->transparent;
+            return Status::Ok();
           },
           "white, black, grey, #RRGGBB, or transparent (default: a dark gradient)")
-      ->type_name("COLOUR")
-      ->group(group);
+      .Form("COLOUR")
+      .Group(group);
   const auto flag = [&](const char* name, bool* value, const char* description) {
-    verb->add_flag(name, *value, description)->group(group);
+    verb->AddFlag(name, *value, description).Group(group);
   };
   AddParsed(verb, "--exaggerate", "F", &a->exaggerate, ParsePositive,
             "draw heights (z) F times as high; what is asked for, legends and errors stay as they "
             "are (default: 1)")
-      ->group(group);
+      .Group(group);
   flag("--hillshade", &a->picture.hillshade,
        "light as of maps, from the north-west (default for a terrain without --colour)");
   flag("--wireframe", &a->picture.wireframe, "draw the edges of the triangles");
   flag("--smooth", &a->picture.smooth, "shade triangles as parts of a smooth surface");
   flag("--scale-bar", &a->picture.scale_bar,
        "draw a round length, true at the depth of the object's middle");
-  verb->add_flag_callback(
+  verb->AddFlag(
           "--no-legend", [a] { a->picture.legend = false; }, "leave out the legend of the colours")
-      ->group(group);
+      .Group(group);
   flag("--draft", &a->picture.draft, "fast: no shadows, no soft edges");
   flag("--overview", &a->overview,
        "draw the whole object as without a camera, not what the camera sees");
 }
 
-RunVerb AddRender(CLI::App* verb) {
+RunVerb AddRender(VerbOptions* verb) {
   const auto a = std::make_shared<QueryArguments>();
   AddStore(verb, &a->store);
-  IsWritten(verb->add_option("OUT.png", a->output, "the picture: .png, .jpg or .jpeg"))
-      ->required()
-      ->check([](const std::string& text) { return CheckPictureName(text).message(); });
+  IsWritten(verb->Add("OUT.png", a->output, "the picture: .png, .jpg or .jpeg"))
+      .Required()
+      .Check([](const std::string& text) { return CheckPictureName(text).message(); });
   AddQueryOptions(verb, a.get(), true);
   AddCache(verb, &a->cache_bytes, kQuarterOfMemory);
   AddPictureOptions(verb, a.get());
@@ -340,8 +342,8 @@ RunVerb AddRender(CLI::App* verb) {
 
 const Verb kRenderVerb{
     "render", "draw what extract would write",
-    "Examples: mtdb render scans.mtdb coarse.png --error-rel 0.002 --wireframe\n"
-    "          mtdb render scans.mtdb error.png --colour error --error-rel 0.002 "
+    "Examples: mtdb render scans.mtdb coarse.png --error 0.2% --wireframe\n"
+    "          mtdb render scans.mtdb error.png --colour error --error 0.2% "
     "--view top\n"
     "Where the surface is blue, its back is seen: the inside of an open scan, or "
     "triangles whose orientation\nis wrong in the input. More: docs/guide.md",

@@ -26,67 +26,62 @@ Status ServeAndTell(const ServerOptions& options, const std::string& page,
 namespace {
 
 // How long what may take, who may come, and where temporary files go.
-void AddServeTimes(CLI::App* verb, ServerOptions* o) {
+void AddServeTimes(VerbOptions* verb, ServerOptions* o) {
   AddParsed(verb, "--idle", "SECONDS", &o->idle_seconds, ParsePositiveSeconds,
             "close a connection that is silent for so long")
-      ->default_str("30");
+      .Default("30");
   AddParsed(verb, "--session-idle", "SECONDS", &o->session_idle_seconds, ParsePositiveSeconds,
             "close a session whose client has said nothing for so long, nor answered a ping")
-      ->default_str("300");
+      .Default("300");
   AddParsed(verb, "--timeout", "SECONDS", &o->timeout_seconds, ParsePositiveSeconds,
             "give up a request that takes longer, its sending included")
-      ->default_str("600");
+      .Default("600");
   AddParsed(verb, "--grace", "SECONDS", &o->grace_seconds, ParseSeconds,
             "when told to stop, let running requests finish for so long")
-      ->default_str("5");
-  verb->add_option("--allow-origin", o->allowed_origin,
-                   "let web pages of this origin open sessions, e.g. http://localhost:3000; * is "
-                   "any (default: those that come from the server's own address only)")
-      ->type_name("ORIGIN");
-  verb->add_option("--allow-host", o->allowed_hosts,
-                   "let clients call the server by this name, e.g. scans.example.org; * is any "
-                   "(default: by address and localhost only)")
-      ->type_name("NAME");
-  verb->add_option("--tmp", o->service.tmp, "folder of temporary files (default: the system's)")
-      ->type_name("DIR");
+      .Default("5");
+  verb->Add("--allowed-origin", o->allowed_origin,
+            "let web pages of this origin open sessions, e.g. http://localhost:3000; * is "
+            "any (default: those that come from the server's own address only)")
+      .Form("ORIGIN");
+  verb->Add("--allowed-host", o->allowed_hosts,
+            "let clients call the server by this name, e.g. scans.example.org; * is any "
+            "(default: by address and localhost only)")
+      .Form("NAME");
+  verb->Add("--tmp", o->service.tmp, "folder of temporary files (default: the system's)")
+      .Form("DIR");
 }
 
-RunVerb AddServe(CLI::App* verb) {
+RunVerb AddServe(VerbOptions* verb) {
   const auto o = std::make_shared<ServerOptions>();
   AddStore(verb, &o->service.store);
-  const auto number = [&](const char* name, auto* value, auto smallest, auto largest,
+  const auto number = [&](const char* name, auto* value, int64_t smallest, int64_t largest,
                           const char* description) {
-    return verb->add_option(name, *value, description)
-        ->type_name("N")
-        ->check(CLI::Range(smallest, largest));
+    return verb->Add(name, *value, description).Form("N").Between(smallest, largest);
   };
   AddParsed(verb, "--listen", "WHERE", &o->listen, ParseEndpoint,
             "ADDRESS:PORT, or PORT on 127.0.0.1; port 0 is any free one. Whoever can connect can "
             "read the whole store: there are no passwords")
-      ->default_str("127.0.0.1:8080");
+      .Default("127.0.0.1:8080");
   number("--threads", &o->threads, 1, 1024, "answer N queries at once (default: one per core)");
   AddCache(verb, &o->service.cache_bytes, "256M");
   AddImplicit(verb, &o->service.implicit);
-  number("--max-objects", &o->service.objects, 1, 10000, "keep the last N objects open")
-      ->capture_default_str();
+  number("--max-objects", &o->service.objects, 1, 10000, "keep the last N objects open");
   number("--max-connections", &o->max_connections, 1, 100000,
-         "take at most N connections; others are told to try again")
-      ->capture_default_str();
+         "take at most N connections; others are told to try again");
   number("--max-sessions", &o->max_sessions, 1, 100000,
-         "open at most N sessions among them; others are told to try again")
-      ->capture_default_str();
+         "open at most N sessions among them; others are told to try again");
   AddParsed(verb, "--max-triangles", "N", &o->service.max_triangles, ParseCount,
             "send no mesh of more triangles")
-      ->default_str("20000000");
+      .Default("20000000");
   AddParsed(verb, "--session-triangles", "N", &o->service.session_triangles, ParseCount,
             "let no session's mesh have more triangles; each takes some 250 to 700 bytes here")
-      ->default_str("1000000");
+      .Default("1000000");
   AddParsed(verb, "--session-memory", "SIZE", &o->service.session_memory_bytes, ParseSize,
             "let all sessions together take so much memory; then the largest give way")
-      ->default_str("2G");
+      .Default("2G");
   AddParsed(verb, "--max-tmp", "SIZE", &o->service.temporary_bytes, ParseSize,
             "let all answers under way take so much of temporary files; then the largest give way")
-      ->default_str("4G");
+      .Default("4G");
   AddServeTimes(verb, o.get());
   AddCacheDirectory(verb, &o->service.open);
   return [o](Invocation&) { return ServeAndTell(*o, "", [](const std::string&) {}); };

@@ -21,7 +21,7 @@ struct SpaceArguments {
   std::string store;
   std::string target;              // copy: another store
   std::vector<std::string> names;  // remove, copy: the objects (copy: none are all); rename: both
-  bool force = false;              // copy: replace objects of the same names
+  bool replace = false;            // copy: replace objects of the same names
   bool json = false;
   bool quiet = false;  // no progress
 };
@@ -94,10 +94,10 @@ Status CopyInto(const SpaceArguments& arguments, const ObjectSources& wanted,
     const Result<ObjectRecord> there = target->Find(record.name);
     if (there.ok() && IsEqual(*there, record)) {
       done->unchanged.push_back(record.name);
-    } else if (there.ok() && !arguments.force) {
+    } else if (there.ok() && !arguments.replace) {
       return {StatusCode::kAlreadyExists,
               arguments.target + ": has another object " + record.name +
-                  "; give --force to replace it, or rename one of the two; nothing was copied"};
+                  "; give --replace to replace it, or rename one of the two; nothing was copied"};
     } else if (!there.ok() && there.status().code() != StatusCode::kNotFound) {
       return there.status();
     } else {
@@ -107,7 +107,7 @@ Status CopyInto(const SpaceArguments& arguments, const ObjectSources& wanted,
   }
   for (const auto& object : missing) {
     MTDB_RETURN_IF_ERROR(
-        CopyObject(*object, *target, object->record().name, arguments.force, progress).status());
+        CopyObject(*object, *target, object->record().name, arguments.replace, progress).status());
   }
   return Status::Ok();
 }
@@ -234,36 +234,35 @@ RunVerb Running(std::shared_ptr<SpaceArguments> arguments) {
   };
 }
 
-RunVerb AddRemove(CLI::App* verb) {
+RunVerb AddRemove(VerbOptions* verb) {
   auto a = std::make_shared<SpaceArguments>();
   AddWrittenStore(verb, &a->store);
-  verb->add_option("NAME", a->names, "the objects")->required()->expected(1, 1 << 20);
+  verb->Add("NAME", a->names, "the objects").Required().Values(1, 1 << 20);
   AddJson(verb, &a->json);
   return Running<Remove>(std::move(a));
 }
 
-RunVerb AddRename(CLI::App* verb) {
+RunVerb AddRename(VerbOptions* verb) {
   auto a = std::make_shared<SpaceArguments>();
   AddWrittenStore(verb, &a->store);
-  verb->add_option("OLD NEW", a->names, "the object's name, and its new name")
-      ->required()
-      ->expected(2)
-      ->type_size(1);
+  verb->Add("OLD NEW", a->names, "the object's name, and its new name")
+      .Required()
+      .Values(2, 2);
   AddJson(verb, &a->json);
   return Running<Rename>(std::move(a));
 }
 
-RunVerb AddCopy(CLI::App* verb) {
+RunVerb AddCopy(VerbOptions* verb) {
   auto a = std::make_shared<SpaceArguments>();
   AddStore(verb, &a->store);
-  IsWritten(verb->add_option("TARGET", a->target, "the other store"))->required();
-  verb->add_option("NAME", a->names, "the objects (default: all)")->expected(0, 1 << 20);
-  verb->add_flag("--force", a->force, "replace objects of TARGET that differ");
+  IsWritten(verb->Add("TARGET", a->target, "the other store")).Required();
+  verb->Add("NAME", a->names, "the objects (default: all)").Values(0, 1 << 20);
+  verb->AddFlag("--replace", a->replace, "replace objects of TARGET that differ");
   AddJson(verb, &a->json);
   return Running<Copy>(std::move(a));
 }
 
-RunVerb AddCompact(CLI::App* verb) {
+RunVerb AddCompact(VerbOptions* verb) {
   auto a = std::make_shared<SpaceArguments>();
   AddWrittenStore(verb, &a->store);
   AddJson(verb, &a->json);
@@ -285,7 +284,7 @@ const Verb kCopyVerb{
     "copy", "copy objects into another store, or make a backup",
     "A TARGET that is not there appears when the copy is complete, with what STORE had at one "
     "moment.\nInto one that is there go the objects that it has not; an object that differs "
-    "under\nthe same name is an error, or replaced with --force.\n"
+    "under\nthe same name is an error, or replaced with --replace.\n"
     "Examples: mtdb copy scans.mtdb backup.mtdb\n"
     "          mtdb copy scans.mtdb museum.mtdb statue vase",
     AddCopy};

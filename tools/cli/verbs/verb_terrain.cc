@@ -67,7 +67,7 @@ struct ProfileArguments {
   OpenOptions open;
   std::string name;
   std::vector<std::array<double, 2>> line;
-  std::optional<double> error;
+  std::optional<AskedError> error;
   bool json = false;
 };
 Result<std::vector<Place>> ParseLine(const std::string& text) {
@@ -83,7 +83,7 @@ Result<std::vector<Place>> ParseLine(const std::string& text) {
 Status FindAndPrint(const ProfileArguments& arguments) {
   MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Surface> surface, OpenTerrain(arguments));
   HeightOptions options;
-  options.error_model = arguments.error.value_or(-1);
+  options.error_model = ErrorModelOf(arguments.error, surface->record().diagonal());
   MTDB_ASSIGN_OR_RETURN(const Profile profile, FindProfile(*surface, arguments.line, options));
   const ObjectRecord& record = surface->record();
   if (arguments.json) {
@@ -109,15 +109,15 @@ Status FindAndPrint(const ProfileArguments& arguments) {
   return Status::Ok();
 }
 
-RunVerb AddProfile(CLI::App* verb) {
+RunVerb AddProfile(VerbOptions* verb) {
   const auto a = std::make_shared<ProfileArguments>();
-  verb->add_option("STORE", a->store, "the store file")->required();
+  verb->Add("STORE", a->store, "the store file").Required();
   AddName(verb, &a->name);
   AddParsed(verb, "--line", "X0,Y0,X1,Y1,...", &a->line, ParseLine,
             "the line's corners, in the terrain's coordinates")
-      ->required();
-  AddParsed(verb, "--error", "E", &a->error, ParseNonNegative,
-            "no height off by more than E (default: full resolution)");
+      .Required();
+  AddParsed(verb, "--error", "E", &a->error, ParseError,
+            "no height off by more than E, or E% of the diagonal (default: full resolution)");
   AddJson(verb, &a->json);
   AddCacheDirectory(verb, &a->open);
   return [a](Invocation&) { return FindAndPrint(*a); };
@@ -132,7 +132,7 @@ Status ProbeHeights(const ProbeArguments& arguments) {
   }
   MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Surface> surface, OpenTerrain(arguments));
   HeightOptions options;
-  options.error_model = arguments.error.value_or(-1);
+  options.error_model = ErrorModelOf(arguments.error, surface->record().diagonal());
   HeightCost cost;
   Json list = Json::Array();
   MTDB_ASSIGN_OR_RETURN(const std::vector<HeightAnswer> answers,
@@ -170,9 +170,9 @@ Status ProbeHeights(const ProbeArguments& arguments) {
 Status ExtractRaster(const QueryArguments& arguments) {
   const QueryOptions& query = arguments.query;
   const bool others = !query.regions.empty() || query.frustum || query.outside || query.clip ||
-                      query.pixels || query.error_relative || query.error_outside ||
-                      !query.errors_at.empty() || query.triangles || query.max_bytes ||
-                      query.max_ms || query.normals || !query.file.empty() || query.has_camera();
+                      query.pixels || query.error_outside || !query.errors_at.empty() ||
+                      query.triangles || query.max_bytes || query.max_milliseconds ||
+                      query.normals || !query.file.empty() || query.has_camera();
   if (others || arguments.print_query) {
     return InvalidArgument(arguments.output +
                            ": a raster takes --error, --spacing and --window, and no other option "
@@ -182,7 +182,7 @@ Status ExtractRaster(const QueryArguments& arguments) {
   RasterOutputOptions options;
   options.spacing = arguments.spacing;
   options.window = arguments.window;
-  options.heights.error_model = query.error.value_or(-1);
+  options.heights.error_model = ErrorModelOf(query.error, surface->record().diagonal());
   MTDB_ASSIGN_OR_RETURN(const RasterOutputReport report,
                         WriteRaster(*surface, arguments.output, options));
   const double bound = report.cost.error_bound + report.rounding;

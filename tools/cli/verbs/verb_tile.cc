@@ -1,5 +1,4 @@
 // SPDX-License-Identifier: Apache-2.0
-#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <chrono>
 #include <cmath>
@@ -180,19 +179,17 @@ Status Tile(const TileArguments& arguments) {
   return Status::Ok();
 }
 
-RunVerb AddTile(CLI::App* verb) {
+RunVerb AddTile(VerbOptions* verb) {
   const auto a = std::make_shared<TileArguments>();
-  verb->add_option("STORE", a->store, "the store file, or a packed file or its URL")->required();
-  IsWritten(verb->add_option("FOLDER", a->output,
-                             "the folder of the tiles; made if it is not there, gone on with where "
-                             "it has some of the same"))
-      ->required();
+  verb->Add("STORE", a->store, "the store file, or a packed file or its URL").Required();
+  IsWritten(verb->Add("FOLDER", a->output,
+                      "the folder of the tiles; made if it is not there, gone on with where "
+                      "it has some of the same"))
+      .Required();
   AddName(verb, &a->name);
-  verb->add_option("--as", a->format,
-                   "3dtiles: 3D Tiles 1.1; quantized-mesh: of a terrain in degrees")
-      ->type_name("FORMAT")
-      ->check(CLI::IsMember({"3dtiles", "quantized-mesh"}))
-      ->capture_default_str();
+  verb->Add("--as", a->format, "3dtiles: 3D Tiles 1.1; quantized-mesh: of a terrain in degrees")
+      .Form("FORMAT")
+      .OneOf({"3dtiles", "quantized-mesh"});
   AddParsed(verb, "--at", "LON,LAT,HEIGHT", &a->at, ParseGlobePlace,
             "3dtiles: put the middle of the object's floor there: degrees, and metres above the "
             "ellipsoid");
@@ -202,21 +199,19 @@ RunVerb AddTile(CLI::App* verb) {
       "since they have 16 set (default: 2)");
   AddParsed(verb, "--tile-triangles", "N", &a->tile_triangles, ParseTileTriangles,
             "3dtiles: about N triangles a tile (default: 50000)");
-  verb->add_flag("--mercator", a->mercator,
-                 "quantized-mesh: tiles of Web Mercator, not of degrees");
-  verb->add_option("--max-level", a->max_level,
-                   "quantized-mesh: levels 0 to N (default: as fine as the raster)")
-      ->type_name("N")
-      ->check(CLI::Range(0u, 22u));
-  verb->add_option("--threads", a->threads, "use N threads (default: one per core)")
-      ->type_name("N")
-      ->check(CLI::Range(1, 1024));
+  verb->AddFlag("--mercator", a->mercator, "quantized-mesh: tiles of Web Mercator, not of degrees");
+  verb->Add("--max-level", a->max_level,
+            "quantized-mesh: levels 0 to N (default: as fine as the raster)")
+      .Form("N")
+      .Between(0, 22);
+  verb->Add("--threads", a->threads, "use N threads (default: one per core)")
+      .Form("N")
+      .Between(1, 1024);
   AddParsed(verb, "--memory", "SIZE", &a->memory_bytes, ParseMemory,
             "use at most so much memory, the rest goes to temporary files, e.g. 1G; at least 256M "
             "(default: a quarter of the machine's)");
-  verb->add_option("--tmp", a->tmp, "folder of temporary files (default: FOLDER)")
-      ->type_name("DIR");
-  verb->add_flag("--force", a->force, "replace tiles of another object, version or accuracy");
+  verb->Add("--tmp", a->tmp, "folder of temporary files (default: FOLDER)").Form("DIR");
+  verb->AddFlag("--replace", a->force, "replace tiles of another object, version or accuracy");
   AddJson(verb, &a->json);
   AddCacheDirectory(verb, &a->open);
   return [a](Invocation& invocation) {

@@ -78,44 +78,44 @@ Status View(const ViewArguments& arguments) {
   });
 }
 
-RunVerb AddView(CLI::App* verb) {
+RunVerb AddView(VerbOptions* verb) {
   const auto a = std::make_shared<ViewArguments>();
-  CLI::Option* store =
-      verb->add_option("STORE", a->store, "the store file, or a packed file or its URL");
-  CLI::Option* page =
-      verb->add_option("--write-page", a->page,
-                       "only write the page's files into DIR, for any web server: beside them, "
-                       "index.html?src=FILE shows a packed file")
-          ->type_name("DIR");
-  verb->add_option("--allow-source", a->sources,
-                   "let the page of --write-page also read files of ORIGIN, as "
-                   "https://example.org (repeatable)")
-      ->type_name("ORIGIN")
-      ->expected(1)
-      ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll)
-      ->needs(page);
-  verb->callback([store, page, a] {
-    if (store->count() + page->count() == 0) throw CLI::RequiredError("STORE");
-    if (store->count() * page->count() > 0) {
-      throw CLI::ValidationError(
+  const VerbOption store =
+      verb->Add("STORE", a->store, "the store file, or a packed file or its URL");
+  const VerbOption page =
+      verb->Add("--write-page", a->page,
+                "only write the page's files into DIR, for any web server: beside them, "
+                "index.html?src=FILE shows a packed file")
+          .Form("DIR");
+  verb->Add("--allowed-source", a->sources,
+            "let the page of --write-page also read files of ORIGIN, as "
+            "https://example.org (repeatable)")
+      .Form("ORIGIN")
+      .Repeatable()
+      .Needs(page);
+  verb->CheckAll([store, page, a]() -> Status {
+    if (!store.is_given() && !page.is_given()) return InvalidArgument("STORE is required");
+    if (store.is_given() && page.is_given()) {
+      return InvalidArgument(
           "--write-page writes the page alone, without STORE; beside it: "
           "mtdb pack STORE " +
           a->page + "/scan.mtdbp, which index.html?src=scan.mtdbp shows");
     }
+    return Status::Ok();
   });
   AddParsed(verb, "--listen", "WHERE", &a->listen, ParseEndpoint,
             "ADDRESS:PORT, or PORT on 127.0.0.1, as for serve: whoever can connect can read the "
             "whole store");
-  verb->add_option("--port", a->port, "listen on this port (default: any free one)")
-      ->type_name("N")
-      ->check(CLI::Range(1, 65535))
-      ->excludes("--listen");
-  verb->add_flag_callback(
+  verb->Add("--port", a->port, "listen on this port (default: any free one)")
+      .Form("N")
+      .Between(1, 65535)
+      .Excludes("--listen");
+  verb->AddFlag(
       "--no-browser", [a] { a->browser = false; }, "only print the URL");
-  verb->add_option("--drape", a->drape,
-                   "lay IMAGE, a PNG or JPEG with a world file or a GeoTIFF, over the surface")
-      ->type_name("IMAGE")
-      ->excludes(page);
+  verb->Add("--drape", a->drape,
+            "lay IMAGE, a PNG or JPEG with a world file or a GeoTIFF, over the surface")
+      .Form("IMAGE")
+      .Excludes(page);
   AddCacheDirectory(verb, &a->open);
   return [a](Invocation&) { return View(*a); };
 }

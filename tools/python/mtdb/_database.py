@@ -28,6 +28,7 @@ from ._mesh import (
     checked,
     shortfall_of,
     triple,
+    up_vector,
 )
 from ._session import Session
 from ._terrain import HeightGrid, Profile
@@ -564,22 +565,6 @@ def _names(names: Optional[Sequence[str]]) -> tuple[Any, int]:
     return (L.Text * max(1, len(chosen)))(*chosen), len(chosen)
 
 
-def _up_vector(up: Union[str, Sequence[float], None]) -> Sequence[float]:
-    """(0, 0, 0): not said."""
-    if up is None:
-        return (0.0, 0.0, 0.0)
-    if isinstance(up, str):
-        axis = up.lstrip("+-")
-        if len(up) - len(axis) > 1 or axis not in ("x", "y", "z"):
-            raise InvalidArgument(f"up: expected x, y, z, -x, -y, -z or a vector, found {up!r}")
-        sign = -1.0 if up.startswith("-") else 1.0
-        return tuple(sign * (axis == a) for a in "xyz")
-    vector = [float(x) for x in up]
-    if len(vector) != 3 or not any(vector):
-        raise InvalidArgument(f"up: expected three numbers, not all of them 0, found {vector}")
-    return vector
-
-
 class Ingest:
     """One ingest: its options, and the callback that hands chunks over."""
 
@@ -612,7 +597,7 @@ class Ingest:
             journal_path=None if journal_path is None else L.path_bytes(journal_path), resume=int(resume),
             height_step=height_step or 0.0, fill=fill, terrain=int(terrain),
             max_tmp_bytes=max_tmp_bytes or 0,
-            up=(C.c_double * 3)(*_up_vector(up)), units=None if units is None else units.encode(),
+            up=(C.c_double * 3)(*up_vector(up)), units=None if units is None else units.encode(),
         )
 
     def run(self, database: L.Handle, vertices: Any, faces: Any,

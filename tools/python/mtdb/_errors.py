@@ -93,9 +93,9 @@ _CLASSES = {int(c.code): c for c in MtdbError.__subclasses__()}
 
 #: Options of the command line that messages of the library advise, as keyword arguments.
 OPTIONS = {
-    "bits": "bits", "cache": "cache_bytes", "clip": "clip", "fill": "fill", "force": "replace",
+    "bits": "bits", "cache": "cache_bytes", "clip": "clip", "fill": "fill", "replace": "replace",
     "lossless": "lossless", "memory": "memory_bytes", "name": "name", "resume": "resume",
-    "max-tmp": "max_tmp_bytes", "no-weld": "weld=False", "step": "step", "step-z": "height_step",
+    "max-tmp": "max_tmp_bytes", "no-weld": "weld=False", "step": "step", "height-step": "height_step",
     "terrain": "terrain", "tmp": "tmp_directory", "weld": "weld",
 }
 _OPTION = re.compile(r"(?<![\w-])--([a-z]+(?:-[a-z]+)*)(?![\w-])")

@@ -275,7 +275,7 @@ class Mesh:
         camera: Optional[Mapping[str, Any]] = None,
         view_direction: Optional[Sequence[float]] = None,
         view: str = "auto",
-        up: Optional[Sequence[float]] = None,
+        up: "str | Sequence[float] | None" = None,
         frame: Optional[npt.ArrayLike] = None,
         wireframe: bool = False,
         smooth: bool = False,
@@ -291,7 +291,7 @@ class Mesh:
 
         camera: {"eye": ..., "target": ..., "up": ..., "fov": degrees}, as in a query.
         view_direction: else; or view: "front", "back", "left", "right", "top", "bottom",
-        "iso", "auto". up: found from the mesh when it is not given. frame: (2, 3), the box that
+        "iso", "auto". up: "y", "-z" or a vector; found from the mesh when it is not given. frame: (2, 3), the box that
         fills the picture. colour: "none", "normal", "height", an attribute's name, or a Mesh to show each
         point's distance from; without, the mesh's own colours. range: the values of the
         first and the last colour. hillshade: lit as maps are. background: (red, green, blue), or "transparent".
@@ -305,8 +305,7 @@ class Mesh:
             raise InvalidArgument(f"size: expected width and height in pixels, found {size}")
         if view_direction is not None:
             options.view_direction = triple("view_direction", view_direction)
-        if up is not None:
-            options.up = triple("up", up)
+        options.up = triple("up", up_vector(up))
         if frame is not None:
             box = np.asarray(frame, float).reshape(2, 3)
             options.has_frame = 1
@@ -391,6 +390,22 @@ def triple(name: str, point: Any) -> Any:
     if values.shape != (3,):
         raise InvalidArgument(f"{name}: expected three numbers, found {point!r}")
     return (C.c_double * 3)(*values)
+
+
+def up_vector(up: "str | Sequence[float] | None") -> Sequence[float]:
+    """(0, 0, 0): not said."""
+    if up is None:
+        return (0.0, 0.0, 0.0)
+    if isinstance(up, str):
+        axis = up.lstrip("+-")
+        if len(up) - len(axis) > 1 or axis not in ("x", "y", "z"):
+            raise InvalidArgument(f"up: expected x, y, z, -x, -y, -z or a vector, found {up!r}")
+        sign = -1.0 if up.startswith("-") else 1.0
+        return tuple(sign * (axis == a) for a in "xyz")
+    vector = [float(x) for x in up]
+    if len(vector) != 3 or not any(vector):
+        raise InvalidArgument(f"up: expected three numbers, not all of them 0, found {vector}")
+    return vector
 
 
 def check_shape(name: str, array: Array, width: int) -> None:

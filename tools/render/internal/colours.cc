@@ -67,7 +67,7 @@ Rgb TintOfHeight(double t) { return Between(kTints, t); }
 namespace internal {
 
 Status Colours::Load(const TriangleMesh& mesh, const RenderOptions& options) {
-  by_ = options.colour_by;
+  by_ = options.colour;
   range_ = options.range;
   if (range_ && !((*range_)[0] <= (*range_)[1])) {
     return InvalidArgument("the range of the colours must go from a number to a larger one");

@@ -227,7 +227,7 @@ class Connection final : public ServerPeer, public std::enable_shared_from_this<
       return Send(ErrorAnswer(403, "foreign_host",
                               "this server does not go by the name of '" + host +
                                   "'; ask by its address, or have whoever runs it allow the name "
-                                  "(--allow-host)"));
+                                  "(--allowed-host)"));
     }
     if (websocket::is_upgrade(message) && ServerService::IsSession(std::string(message.target()))) {
       return OpenSession(std::move(message));
@@ -277,7 +277,7 @@ class Connection final : public ServerPeer, public std::enable_shared_from_this<
                         std::string(message[http::field::host]), loop_.options.allowed_origin)) {
       return Send(ErrorAnswer(403, "foreign_origin",
                               "web pages of another origin may not open sessions here; whoever "
-                              "runs the server may allow it (--allow-origin)"));
+                              "runs the server may allow it (--allowed-origin)"));
     }
     if (buffer_.size() > 0) {
       return Send(ErrorAnswer(400, "bad_request", "wait for the upgrade before you send more"));

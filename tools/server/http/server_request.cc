@@ -13,10 +13,6 @@ namespace mtdb::internal {
 
 namespace {
 
-// Those that may be given several times.
-const std::set<std::string> kLists{"error-at", "box",   "sphere",  "half-space", "prism",
-                                   "wedge",    "point", "segment", "tube"};
-
 int HexDigit(char c) {
   if (c >= '0' && c <= '9') return c - '0';
   if (c >= 'a' && c <= 'f') return c - 'a' + 10;
@@ -75,25 +71,30 @@ Status Append(Json::Array* values, Parse parse, const std::string& text) {
   return Status::Ok();
 }
 
+// Null: the parameter is no region.
+const RegionOption* FindRegion(const std::string& name) {
+  const auto regions = RegionOptions();
+  const auto found =
+      std::ranges::find_if(regions, [&](const RegionOption& o) { return o.name == "--" + name; });
+  return found == regions.end() ? nullptr : &*found;
+}
+
+// Whether it may be given several times.
+bool IsList(const std::string& name) { return name == "error-at" || FindRegion(name) != nullptr; }
+
 Status SetParameter(const std::string& name, const std::string& text, QueryOptions* q) {
   if (name == "full") return Set(&q->full, ParseFlag, text);
-  if (name == "error") return Set(&q->error, ParseNonNegative, text);
-  if (name == "error-rel") return Set(&q->error_relative, ParseNonNegative, text);
+  if (name == "error") return Set(&q->error, ParseError, text);
   if (name == "pixels") return Set(&q->pixels, ParsePositive, text);
   if (name == "error-at") return Append(&q->errors_at, ErrorAtOption, text);
-  if (name == "error-outside") return Set(&q->error_outside, ParseNonNegative, text);
+  if (name == "error-outside") return Set(&q->error_outside, ParseError, text);
   if (name == "triangles") return Set(&q->triangles, ParseCount, text);
   if (name == "max-bytes") return Set(&q->max_bytes, ParseSize, text);
-  if (name == "max-ms") return Set(&q->max_ms, ParseNonNegative, text);
+  if (name == "max-milliseconds") return Set(&q->max_milliseconds, ParseNonNegative, text);
   if (name == "normals") return Set(&q->normals, ParseFlag, text);
-  if (name == "box") return Append(&q->regions, BoxOption, text);
-  if (name == "sphere") return Append(&q->regions, SphereOption, text);
-  if (name == "half-space") return Append(&q->regions, HalfSpaceOption, text);
-  if (name == "prism") return Append(&q->regions, PrismOption, text);
-  if (name == "wedge") return Append(&q->regions, WedgeOption, text);
-  if (name == "point") return Append(&q->regions, PointRegionOption, text);
-  if (name == "segment") return Append(&q->regions, SegmentOption, text);
-  if (name == "tube") return Append(&q->regions, TubeOption, text);
+  if (const RegionOption* const region = FindRegion(name)) {
+    return Append(&q->regions, region->parse, text);
+  }
   if (name == "frustum") return Set(&q->frustum, ParseFlag, text);
   if (name == "intersect") return Set(&q->intersect, ParseFlag, text);
   if (name == "outside") return Set(&q->outside, ParseFlag, text);
@@ -107,11 +108,9 @@ Status SetParameter(const std::string& name, const std::string& text, QueryOptio
 }
 
 Status CheckExclusions(const QueryOptions& q) {
-  if (q.full && (q.error || q.error_relative || q.pixels || !q.errors_at.empty() || q.triangles)) {
-    return InvalidArgument(
-        "full: does not go with error, error-rel, pixels, error-at or triangles");
+  if (q.full && (q.error || q.pixels || !q.errors_at.empty() || q.triangles)) {
+    return InvalidArgument("full: does not go with error, pixels, error-at or triangles");
   }
-  if (q.error && q.error_relative) return InvalidArgument("error: does not go with error-rel");
   return CheckOptions(q, false);
 }
 
@@ -159,7 +158,7 @@ Result<MeshRequest> ParseMeshRequest(const RequestTarget& target, const std::str
   QueryOptions options;
   std::set<std::string> seen;
   for (const auto& [name, value] : target.parameters) {
-    if (!seen.insert(name).second && !kLists.contains(name)) {
+    if (!seen.insert(name).second && !IsList(name)) {
       return InvalidArgument(name + ": is given twice");
     }
     if (name == "format") {
@@ -168,10 +167,11 @@ Result<MeshRequest> ParseMeshRequest(const RequestTarget& target, const std::str
       request.format = value;
       continue;
     }
-    if (name == "double") {
+    if (name == "double-positions") {
       request.double_positions = value.empty() || value == "true";
       if (!request.double_positions && value != "false") {
-        return InvalidArgument("double: expected true, false or nothing, found '" + value + "'");
+        return InvalidArgument("double-positions: expected true, false or nothing, found '" +
+                               value + "'");
       }
       continue;
     }
@@ -179,9 +179,10 @@ Result<MeshRequest> ParseMeshRequest(const RequestTarget& target, const std::str
     if (!status.ok()) return InvalidArgument(name + ": " + status.message());
   }
   if (!body.empty()) {
-    if (seen.size() > seen.count("format") + seen.count("double")) {
+    if (seen.size() > seen.count("format") + seen.count("double-positions")) {
       return InvalidArgument(
-          "the body holds the query: give no other parameters than format and double beside it");
+          "the body holds the query: give no other parameters than format and double-positions "
+          "beside it");
     }
     Result<Json> json = ParseQueryText(body);
     if (!json.ok()) return InvalidArgument("body: " + json.status().message());
@@ -205,7 +206,7 @@ Result<ProbeRequest> ParseProbeRequest(const RequestTarget& target) {
     } else if (name == "ray") {
       status = Set(&request.ray, ParseRay, text);
     } else if (name == "error") {
-      status = Set(&request.options.error_model, ParseNonNegative, text);
+      status = Set(&request.error, ParseError, text);
     } else if (name == "limit") {
       status = Set(&request.options.limit, ParseNonNegative, text);
     } else {

@@ -36,7 +36,8 @@ Result<MeshRequest> ParseMeshRequest(const RequestTarget& target, const std::str
 struct ProbeRequest {
   std::optional<Vec3d> point;  // either this
   std::optional<Ray> ray;      // or this
-  ProbeOptions options;
+  std::optional<AskedError> error;
+  ProbeOptions options;  // but for the error
 };
 // The parameters are the options of `mtdb probe` without dashes; errors as above.
 Result<ProbeRequest> ParseProbeRequest(const RequestTarget& target);

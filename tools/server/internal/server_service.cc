@@ -388,6 +388,7 @@ Result<ServerAnswer> ServerService::Probe(const std::string& name, const ProbeRe
   if (call.control.cancelled()) return Status(StatusCode::kCancelled, "cancelled");
   MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Surface> surface, OpenSurface(name));
   ProbeOptions options = request.options;
+  options.error_model = ErrorModelOf(request.error, surface->record().diagonal());
   options.control = &call.control;
   ++metrics_.queries;
   MTDB_ASSIGN_OR_RETURN(

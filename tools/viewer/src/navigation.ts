@@ -25,9 +25,9 @@ export interface Bounds {
   max: Point;
 }
 
-// Where the camera is, as steps to the right, to where the front's viewer looks, and up.
+// Where the camera is, as steps to the right, to where the front's viewer looks, and up; home is
+// homeView().
 export const views: Record<string, Point> = {
-  home: [0.55, -1, 0.5],
   front: [0, -1, 0],
   back: [0, 1, 0],
   left: [-1, 0, 0],
@@ -45,6 +45,8 @@ const kFlyKeys: Record<string, Point> = {
   KeyE: [0, 1, 0],
   KeyQ: [0, -1, 0],
 };
+const kBroader = 1.75; // as tools/render/view.cc has them
+const kFlat = 0.3;
 const kMargin = 1.06; // of a view, beside the shape
 const kTurnKeys: Record<string, [number, number]> = {
   ArrowLeft: [1, 0],
@@ -171,7 +173,19 @@ export class Navigation {
   }
 
   view(name: string, moves = true) {
-    this.set(...this.framing(unit(this.direction(views[name] ?? views.home!))), moves);
+    this.set(...this.framing(unit(this.direction(views[name] ?? this.homeView()))), moves);
+  }
+
+  // From the front and the right, as `mtdb render` looks by itself: more from the right where that
+  // side is much the broader one, and from higher above where all is flat.
+  private homeView(): Point {
+    const size = sub(this.bounds.max, this.bounds.min);
+    const extent = (of: Point) => dot(of.map(Math.abs) as Point, size);
+    const width = extent(this.basis.right),
+      depth = extent(this.basis.front),
+      broad = depth > kBroader * width;
+    const flat = extent(this.basis.up) < kFlat * (broad ? depth : width);
+    return [broad ? 0.86 : 0.42, broad ? -0.42 : -0.86, flat ? 0.8 : 0.34];
   }
 
   // Eye and target, seen from `direction`, so near that the shape just fits the picture.

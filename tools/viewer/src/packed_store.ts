@@ -44,7 +44,7 @@ export function ownUrl(text: string, page: URL): URL | StoreError {
   const allowed = /connect-src([^;]*)/.exec(policy)?.[1]?.trim().split(/\s+/) ?? [];
   if (allowed.includes(url.origin) && /^https?:$/.test(url.protocol)) return url;
   return new StoreError(
-    `This page reads files of its own server only, and ${url.host || text} is another one. Whoever runs this page can allow it: mtdb view --write-page … --allow-source ${url.origin}`,
+    `This page reads files of its own server only, and ${url.host || text} is another one. Whoever runs this page can allow it: mtdb view --write-page … --allowed-source ${url.origin}`,
     'foreign',
   );
 }

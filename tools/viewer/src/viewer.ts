@@ -151,8 +151,10 @@ export class Viewer {
     this.say('');
     this.tellVisitors();
     const view = readView(location.hash, this.defaults);
-    if (view.objects.length === 0 && this.entries.length === 1)
-      view.objects = [this.entries[0]!.object];
+    const [first] = this.entries;
+    // Where there is nothing but the picture, nobody can choose.
+    if (view.objects.length === 0 && first && (this.entries.length === 1 || this.ui === 'none'))
+      view.objects = [first.object];
     if (view.objects.length > 0) return this.load(view);
     this.showStart();
   }

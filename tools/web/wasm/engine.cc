@@ -293,7 +293,7 @@ Status Cast() {
     state.found = {};
     if (!answer.hit) return Status::Ok();
     const Vec3d p = answer.hit->point;
-    state.found = {1, p.x, p.y, p.z, answer.error_bound, answer.hit->distance};
+    state.found = {1, p.x, p.y, p.z, answer.error_bound, answer.hit->parameter};
     return Status::Ok();
   });
 }
