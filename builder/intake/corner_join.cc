@@ -154,8 +154,8 @@ class Link {
     uint64_t duplicates = 0;
     uint64_t border_edges = 0;       // running away from the vertex
     uint64_t nonmanifold_edges = 0;  // to a larger vertex
-    bool stays = false;    // whatever the error
-    uint32_t fans = 0;  // of a vertex on a chain of creases of this order, more than 1
+    bool stays = false;              // whatever the error
+    uint32_t fans = 0;               // of a vertex on a chain of creases of this order, more than 1
   };
   // `places` index `corners` in the input's order; sets their `flags`.
   Counts Analyse(std::span<const uint32_t> places, const Corner* corners, uint16_t* flags) {

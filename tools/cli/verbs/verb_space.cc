@@ -245,9 +245,7 @@ RunVerb AddRemove(VerbOptions* verb) {
 RunVerb AddRename(VerbOptions* verb) {
   auto a = std::make_shared<SpaceArguments>();
   AddWrittenStore(verb, &a->store);
-  verb->Add("OLD NEW", a->names, "the object's name, and its new name")
-      .Required()
-      .Values(2, 2);
+  verb->Add("OLD NEW", a->names, "the object's name, and its new name").Required().Values(2, 2);
   AddJson(verb, &a->json);
   return Running<Rename>(std::move(a));
 }
