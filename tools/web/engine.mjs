@@ -14,7 +14,6 @@ const kFast = [
   'codecs/cluster/cluster.cc', 'codecs/cluster/cluster_codec.cc', 'codecs/coding/cluster_model.cc',
   'codecs/coding/hole_frame.cc', 'codecs/coding/patch.cc', 'codecs/coding/rans.cc',
   'query/cut/judge.cc', 'query/cut/survey.cc', 'query/fields/convex.cc', 'query/moving/moving_survey.cc',
-  'tools/web/wasm/engine.cc',
 ];
 // What comes next; all else is made small.
 const kLessSmall = ['query/fields/threshold.cc'];
