@@ -38,11 +38,11 @@ TEST_CASE("neighbouring .hgt files become one terrain, the first one's samples w
   CHECK(report.at("raster").at("nodata") == -32768);
   CHECK_THAT(report.at("raster").at("crs").get<std::string>(), Catch::Contains("WGS 84"));
   const std::string size = std::to_string(kSide) + " x " + std::to_string(2 * kSide - 1);
-  CHECK_THAT(RunOk({"info", store}),
-             Catch::Contains("vertical") && Catch::Contains("EGM96") && Catch::Contains(size) &&
-                 Catch::Contains("apart in x") && Catch::Contains("WGS 84") &&
-                 Catch::Contains("the first at 7 12, the last at 8 10") &&
-                 Catch::Contains("nodata was -32768"));
+  CHECK_THAT(RunOk({"info", store}), Catch::Contains("vertical") && Catch::Contains("EGM96") &&
+                                         Catch::Contains(size) && Catch::Contains("apart in x") &&
+                                         Catch::Contains("WGS 84") &&
+                                         Catch::Contains("the first at 7 12, the last at 8 10") &&
+                                         Catch::Contains("nodata was -32768"));
   CHECK_THAT(RunOk({"verify", store, "--level", "global"}), Catch::Contains("ok"));
 
   RunOk({"extract", store, folder.File("full.ply")});
