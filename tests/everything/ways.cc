@@ -529,7 +529,7 @@ bool AskGet(const Asked& asked, Answer* answer) {
   for (size_t i = 0; i < options.size(); ++i) {
     std::string option = options[i].substr(2);
     if (i + 1 < options.size() && !options[i + 1].starts_with("--")) option += "=" + options[++i];
-    target += "&" + option;
+    for (const char c : "&" + option) target += c == '%' ? "%25" : std::string(1, c);
   }
   FromHttp(asked, "GET", target, "", answer);
   return true;

@@ -73,7 +73,7 @@ Violations Untold(const Kind& kind, const Texts& texts, const std::string& parag
     if (!IsProduct(file) || !std::regex_search(Separate(text).code, code)) continue;
     ++*named;
     const bool own = std::ranges::any_of(
-        kind.folders, [&](const char* folder) { return file.starts_with(folder); });
+        kind.folders, [&path = file](const char* folder) { return path.starts_with(folder); });
     if (!own && !IsNamed(paragraph, file)) untold.push_back(file);
   }
   return untold;

@@ -11,7 +11,7 @@
 
 #include "store/base/status.h"
 
-namespace CLI {
+namespace CLI {  // NOLINT(readability-identifier-naming): as CLI11 has it
 class App;
 class Option;
 }  // namespace CLI
