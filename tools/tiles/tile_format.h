@@ -16,7 +16,7 @@
 #include "store/base/bytes.h"
 #include "store/base/json.h"
 #include "store/base/status.h"
-#include "tools/tiles/level_mesh.h"
+#include "tools/tiles/level/level_mesh.h"
 
 namespace mtdb {
 
