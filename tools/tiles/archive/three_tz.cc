@@ -53,6 +53,11 @@ IndexEntry EntryOf(const std::string& name, uint64_t offset) {
   return entry;
 }
 
+uint32_t Crc(ByteSpan bytes) {
+  return static_cast<uint32_t>(
+      ::crc32_z(0, reinterpret_cast<const Bytef*>(bytes.data()), bytes.size()));
+}
+
 // What local and central headers have in common.
 void PutCommon(const Member& member, ByteWriter* to) {
   to->Put(kVersion);
@@ -72,8 +77,7 @@ class ZipWriter {
 
   Status Add(const std::string& name, ByteSpan bytes) {
     Member member{name, 0, static_cast<uint32_t>(bytes.size()), file_.bytes_written()};
-    member.crc = static_cast<uint32_t>(
-        ::crc32_z(0, reinterpret_cast<const Bytef*>(bytes.data()), bytes.size()));
+    member.crc = Crc(bytes);
     ByteWriter header;
     header.Put(kLocal);
     PutCommon(member, &header);
@@ -171,7 +175,8 @@ class ThreeTzFiles final : public TileFiles {
       const bool is_local = from.Get<uint32_t>() == kLocal;
       from.GetBytes(4);
       const auto method = from.Get<uint16_t>();
-      from.GetBytes(8);
+      from.GetBytes(4);
+      const auto crc = from.Get<uint32_t>();
       const auto packed = from.Get<uint32_t>(), bytes = from.Get<uint32_t>();
       const auto name_bytes = from.Get<uint16_t>(), extra = from.Get<uint16_t>();
       if (!is_local || method != kStored || packed != bytes) {
@@ -182,6 +187,7 @@ class ThreeTzFiles final : public TileFiles {
       if (AsString(found) != name) continue;
       MTDB_ASSIGN_OR_RETURN(const Bytes content,
                             ReadPiece(path_, at->offset + kLocalBytes + name_bytes + extra, bytes));
+      if (Crc(content) != crc) return Corrupt("is not what its checksum says");
       return std::string(AsString(content));
     }
     return NotFound("is not in the archive");
