@@ -11,6 +11,7 @@
 #include "store/base/bytes.h"
 #include "store/base/geometry.h"
 #include "tests/tools/cli_testing.h"
+#include "tools/tiles/neuroglancer/fragment_manifest.h"
 
 namespace mtdb::test {
 namespace {
@@ -168,47 +169,82 @@ TEST_CASE("info, names and levels are as neuroglancer reads them", "[tile]") {
   CHECK_FALSE(Exists(w.folder + "/parts"));
 }
 
-TEST_CASE("fragments are on the Z-curve, in parents, and can be taken apart", "[tile]") {
-  const Written& w = TheWritten();
-  for (size_t level = 0; level < w.segment.levels.size(); ++level) {
+std::set<Cell> CellsOf(const Segment& segment, size_t level) {
+  std::set<Cell> cells;
+  if (level >= segment.levels.size()) return cells;
+  for (const Fragment& f : segment.levels[level]) cells.insert(f.cell);
+  return cells;
+}
+
+// Every fragment lies in one of the next level, and what clients draw apart of it has one there.
+void CheckParts(const Fragment& f, const std::set<Cell>& finer) {
+  size_t outside = 0, crossing = 0, lost = 0;
+  for (const auto& p : f.positions) {
+    for (const int32_t q : p) outside += q >= 0 && q <= kMost ? 0 : 1;
+  }
+  for (const auto& t : f.triangles) {
+    Cell part{};
+    for (size_t axis = 0; axis < 3; ++axis) {
+      const auto [low, high] =
+          std::minmax({f.positions[t[0]][axis], f.positions[t[1]][axis], f.positions[t[2]][axis]});
+      crossing += !finer.empty() && low < kMiddle && high > kMiddle ? 1 : 0;
+      part[axis] = 2 * f.cell[axis] + (high > kMiddle ? 1 : 0);
+    }
+    lost += finer.empty() || finer.contains(part) ? 0 : 1;
+  }
+  CHECK(outside == 0);
+  CHECK(crossing == 0);
+  CHECK(lost == 0);
+}
+
+// Returns how many fragments have nothing in them.
+size_t CheckFragments(const Segment& segment) {
+  size_t empty = 0;
+  for (size_t level = 0; level < segment.levels.size(); ++level) {
     INFO("level " << level);
-    const auto& fragments = w.segment.levels[level];
-    std::set<Cell> finer, coarser;
-    if (level > 0) {
-      for (const Fragment& f : w.segment.levels[level - 1]) finer.insert(f.cell);
-    }
-    if (level + 1 < w.segment.levels.size()) {
-      for (const Fragment& f : w.segment.levels[level + 1]) coarser.insert(f.cell);
-    }
-    size_t triangles = 0;
+    const auto& fragments = segment.levels[level];
+    const std::set<Cell> coarser = CellsOf(segment, level + 1);
+    const std::set<Cell> finer = level > 0 ? CellsOf(segment, level - 1) : std::set<Cell>();
     for (size_t i = 0; i < fragments.size(); ++i) {
-      const Fragment& f = fragments[i];
-      if (i > 0) CHECK(MortonOf(fragments[i - 1].cell) < MortonOf(f.cell));
-      if (!coarser.empty()) {
-        CHECK(coarser.contains({f.cell[0] / 2, f.cell[1] / 2, f.cell[2] / 2}));
-      }
-      size_t outside = 0, crossing = 0, lost = 0;
-      for (const auto& p : f.positions) {
-        for (const int32_t q : p) outside += q >= 0 && q <= kMost ? 0 : 1;
-      }
-      CHECK(outside == 0);
-      triangles += f.triangles.size();
-      if (level == 0) continue;
-      for (const auto& t : f.triangles) {
-        Cell part{};
-        for (size_t axis = 0; axis < 3; ++axis) {
-          const auto [low, high] = std::minmax(
-              {f.positions[t[0]][axis], f.positions[t[1]][axis], f.positions[t[2]][axis]});
-          crossing += low < kMiddle && high > kMiddle ? 1 : 0;
-          part[axis] = 2 * f.cell[axis] + (high > kMiddle ? 1 : 0);
-        }
-        lost += finer.contains(part) ? 0 : 1;
-      }
-      CHECK(crossing == 0);
-      CHECK(lost == 0);
+      const Cell& cell = fragments[i].cell;
+      empty += fragments[i].bytes.empty() ? 1 : 0;
+      if (i > 0) CHECK(MortonOf(fragments[i - 1].cell) < MortonOf(cell));
+      if (!coarser.empty()) CHECK(coarser.contains({cell[0] / 2, cell[1] / 2, cell[2] / 2}));
+      CheckParts(fragments[i], finer);
     }
-    CHECK(triangles < 4 * w.answer.at("levels").at(0).at("triangles").get<size_t>() *
-                          std::pow(4, w.segment.levels.size() - 1 - level));
+  }
+  return empty;
+}
+
+TEST_CASE("fragments are on the Z-curve, in parents, and can be taken apart", "[tile]") {
+  CHECK(CheckFragments(TheWritten().segment) == 0);
+}
+
+TEST_CASE("where a coarse level reaches beyond a finer one, fragments are empty", "[tile]") {
+  FragmentManifest manifest;
+  manifest.levels.resize(3);
+  manifest.levels[0].fragments = {{{4, 0, 0}, 10}, {{1, 0, 0}, 20}};
+  manifest.levels[1].fragments = {{{0, 0, 0}, 30}};
+  manifest.levels[2].fragments = {{{0, 0, 0}, 40}};
+  // What level 1 has in its first cell, and level 2 in two parts of its own.
+  CompleteManifest(&manifest, {{{1, 1, 0}, {1, 0, 0}}, {{0, 0, 0}, {1, 1, 1}}, {}});
+  const auto text = [&](size_t level) {
+    std::string list;
+    for (const ManifestFragment& f : manifest.levels[level].fragments) {
+      for (const uint32_t v : f.cell) list += std::to_string(v) + " ";
+      list += std::to_string(f.bytes) + ", ";
+    }
+    return list;
+  };
+  CHECK(text(0) == "1 0 0 20, 1 1 0 0, 4 0 0 10, ");
+  CHECK(text(1) == "0 0 0 30, 1 1 1 0, 2 0 0 0, ");
+  CHECK(text(2) == "0 0 0 40, 1 0 0 0, ");
+  const auto read = DecodeManifest(EncodeManifest(manifest));
+  REQUIRE(read.ok());
+  CHECK(EncodeManifest(*read) == EncodeManifest(manifest));
+  const Bytes bytes = EncodeManifest(manifest);
+  for (size_t size = 0; size < bytes.size(); ++size) {
+    CHECK_FALSE(DecodeManifest(ByteSpan(bytes).first(size)).ok());
   }
 }
 

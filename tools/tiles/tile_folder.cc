@@ -193,6 +193,13 @@ Status TileFolder::Record(const Json& progress) {
 }
 
 Status TileFolder::Remove(const std::string& path) {
+  // First nothing is complete: what is killed while it removes is no tree to go on with.
+  if (const Result<Json> record = ReadTileRecord(path); record.ok()) {
+    TileFolder folder(path);
+    MTDB_RETURN_IF_ERROR(folder.Lock());
+    folder.identity_ = (*record)["of"];
+    MTDB_RETURN_IF_ERROR(folder.Record(Json(Json::Object{})));
+  }
   MTDB_RETURN_IF_ERROR(ClearFolder(path, true));
   MTDB_RETURN_IF_ERROR(RemoveFile(path + "/" + kTileRecord));
   std::error_code not_empty;

@@ -21,7 +21,10 @@ Status CheckTileArchive(const std::string& path, bool force) {
   if (!std::filesystem::exists(status)) return Status::Ok();
   const auto files = OpenTileFiles(path);
   const bool is_ours = files.ok() && (*files)->Read(kTileRecord).ok();
-  if (force && is_ours) return Status::Ok();
+  // Where the folder is there, a run was killed that was about to replace the archive, or had made
+  // it.
+  const bool goes_on = std::filesystem::is_directory(path + kArchiveParts, error);
+  if ((force || goes_on) && is_ours) return Status::Ok();
   return {StatusCode::kAlreadyExists,
           path + ": is there already, and nothing was written; --force replaces tiles by mtdb"};
 }

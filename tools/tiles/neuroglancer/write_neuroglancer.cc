@@ -40,7 +40,10 @@ class NeuroglancerWriter {
   }
 
   Result<TileSetReport> Run() {
-    if (folder_.progress().contains("complete")) return WrittenBefore();
+    if (folder_.progress().contains("complete")) {
+      MTDB_RETURN_IF_ERROR(RemoveParts());
+      return WrittenBefore();
+    }
     MTDB_RETURN_IF_ERROR(folder_.Record({{"levels", Json(Json::Array{})}}));
     const std::string parts = folder_.path() + "/" + kTileParts;
     if (::mkdir(parts.c_str(), 0777) != 0 && errno != EEXIST) {
@@ -56,17 +59,23 @@ class NeuroglancerWriter {
                                          {"files", report_.files},
                                          {"complete", true},
                                          {"file_bytes", report_.file_bytes}}));
-    for (const NeuroglancerSegment& s : segments_) {
-      MTDB_RETURN_IF_ERROR(TileFolder::Remove(PartsOf(s)));
-    }
-    std::error_code not_empty;
-    std::filesystem::remove(parts, not_empty);
+    MTDB_RETURN_IF_ERROR(RemoveParts());
     return report_;
   }
 
  private:
   std::string PartsOf(const NeuroglancerSegment& s) const {
     return folder_.path() + "/" + kTileParts + "/" + std::to_string(s.id);
+  }
+  // What is left of them, after a kill, too.
+  Status RemoveParts() const {
+    std::error_code error;
+    for (const NeuroglancerSegment& s : segments_) {
+      if (!std::filesystem::exists(PartsOf(s), error)) continue;
+      MTDB_RETURN_IF_ERROR(TileFolder::Remove(PartsOf(s)));
+    }
+    std::filesystem::remove(folder_.path() + "/" + kTileParts, error);
+    return Status::Ok();
   }
   Vec3d ResolutionOf(const ObjectRecord& record) const {
     const double unit = NanometresOf(record);

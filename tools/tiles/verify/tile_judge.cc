@@ -25,6 +25,8 @@ void TileJudge::Fail(const std::string& file, const std::string& what) {
   if (report_.failures.size() < kMostFailures) report_.failures.push_back(file + ": " + what);
 }
 
+bool TileJudge::HasEnough() const { return report_.failures.size() >= kMostFailures; }
+
 void TileJudge::Judge(const std::string& name, double distance, double slack, double bound) {
   ++points_;
   if (bound > slack) largest_part_ = std::max(largest_part_, distance / bound);
@@ -49,14 +51,22 @@ Status TileJudge::MeasureHeights(const std::string& name, const std::vector<Vec3
                                  double bound, std::array<double, 2> near) {
   const double metres = placement_.metres();
   const double slack = kJudgeSlack * Diagonal(record().bounds) * metres;
-  for (const Vec3d& p : points) {
-    MTDB_ASSIGN_OR_RETURN(double distance, HeightDistance(p, {0, 0}));
-    for (int i = 0; i < 9 && distance * metres > bound; ++i) {
+  std::vector<std::array<double, 2>> places;
+  places.reserve(points.size());
+  for (const Vec3d& p : points) places.push_back({p.x, p.y});
+  HeightCost cost;
+  MTDB_ASSIGN_OR_RETURN(const std::vector<HeightAnswer> answers,
+                        FindHeights(surface_, places, {}, &cost));
+  for (size_t k = 0; k < points.size(); ++k) {
+    const Vec3d& p = points[k];
+    if (!answers[k].height) continue;
+    double distance = std::abs(*answers[k].height - p.z);
+    for (int i = 0; i < 9 && near[1] > 0 && distance * metres > bound; ++i) {
       MTDB_ASSIGN_OR_RETURN(const double beside,
                             HeightDistance(p, {(i % 3 - 1) * near[0], (i / 3 - 1) * near[1]}));
       distance = std::min(distance, beside);
     }
-    if (std::isfinite(distance)) Judge(name, distance * metres, slack, bound);
+    Judge(name, distance * metres, slack, bound);
   }
   return Status::Ok();
 }

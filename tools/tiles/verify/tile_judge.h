@@ -26,6 +26,8 @@ class TileJudge {
   size_t tiles() const { return tiles_; }
 
   void Fail(const std::string& file, const std::string& what);
+  // So much is wrong that no more is looked for.
+  bool HasEnough() const;
   void CountTile() { ++tiles_; }
   // Points are in the object's coordinates; `unit` is what its lengths are multiplied by to be in
   // units of the bound.

@@ -42,7 +42,9 @@ class SegmentVerifier {
     if (At(info, "@type") != Json("neuroglancer_multilod_draco")) {
       throw UnexpectedJson("info is not of neuroglancer's meshes");
     }
-    most_ = (1 << CountOf(At(info, "vertex_quantization_bits"))) - 1;
+    const uint64_t bits = CountOf(At(info, "vertex_quantization_bits"));
+    if (bits != 10 && bits != 16) throw UnexpectedJson("expected positions of 10 or 16 bits");
+    most_ = (1 << bits) - 1;
     resolution_ = ResolutionOf();
     for (int i = 0; i < 3; ++i) {
       moved_[i] = NumberOf(At(At(info, "transform"), static_cast<size_t>(4 * i + 3)));

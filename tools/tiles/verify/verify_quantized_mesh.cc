@@ -42,6 +42,7 @@ class LayerVerifier {
       }
       for (uint64_t x = CountOf(At(range, "startX")); x <= CountOf(At(range, "endX")); ++x) {
         for (uint64_t y = CountOf(At(range, "startY")); y <= CountOf(At(range, "endY")); ++y) {
+          if (judge_.HasEnough()) return Status::Ok();
           MTDB_RETURN_IF_ERROR(VerifySquare(GlobeGrid(mercator), level, static_cast<uint32_t>(x),
                                             static_cast<uint32_t>(y), bound));
         }

@@ -51,6 +51,7 @@ class PictureVerifier {
     for (uint32_t x = grid.Column(level, b.min.x); x <= grid.Column(level, b.max.x); ++x) {
       for (uint32_t y = last_row - grid.Row(level, b.max.y);
            y <= last_row - grid.Row(level, b.min.y); ++y) {
+        if (judge_.HasEnough()) return Status::Ok();
         MTDB_RETURN_IF_ERROR(VerifyTile(level, x, y, bound));
       }
     }
