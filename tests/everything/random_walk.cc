@@ -111,6 +111,10 @@ class Maker {
     step.Set("harm", Between(0, 1000));
     if (Chance(0.3)) step.Set("at", 1);
     if (Chance(0.5)) step.Set("operation", static_cast<int64_t>(Scaled(1, 300)));
+    if (!Chance(0.5)) return;
+    step.Set("segments", 1);
+    if (Chance(0.5)) step.Set("bits", 10);
+    if (Chance(0.5)) step.Set("sharded", 1);
   }
 
   void Picture() {

@@ -26,7 +26,10 @@ Files FilesOf(const std::string& folder) {
 // A tile that is gone, or another one, is noticed.
 void Harm(World& world, const Step& step, const Arguments& verify, const std::string& folder) {
   Files tiles = FilesOf(folder);
-  std::erase_if(tiles, [](const auto& file) { return !file.first.ends_with(".glb"); });
+  // Not what says which files there are, and is for people only.
+  std::erase_if(tiles, [](const auto& file) {
+    return file.first.ends_with(".json") || file.first.ends_with("info") || file.second.size() < 2;
+  });
   if (tiles.empty()) return;
   const auto which = static_cast<size_t>(step.Int("harm", 0)) % tiles.size();
   const auto& [name, bytes] = *std::next(tiles.begin(), static_cast<ptrdiff_t>(which));
@@ -40,11 +43,22 @@ void Harm(World& world, const Step& step, const Arguments& verify, const std::st
   if (ran.ok() || ran.exit_code != 1) world.Fault("tile: verify misses a harmed tile", path);
 }
 
-void TileObject(World& world, const Step& step, const std::string& store, const std::string& packed,
-                const std::string& name) {
+Arguments HowTo(const Step& step, const std::string& name) {
   Arguments how{"--name", name,
                 "--tile-triangles=" + std::to_string(step.Int("triangles", 50'000))};
-  if (step.Flag("at")) how.push_back("--at=11.5,48.1,520");
+  if (step.Flag("segments")) {
+    how.insert(how.end(),
+               {"--as", "neuroglancer", "--bits=" + std::to_string(step.Int("bits", 16))});
+    if (step.Flag("sharded")) how.push_back("--sharded");
+  } else if (step.Flag("at")) {
+    how.push_back("--at=11.5,48.1,520");
+  }
+  return how;
+}
+
+void TileObject(World& world, const Step& step, const std::string& store, const std::string& packed,
+                const std::string& name) {
+  const Arguments how = HowTo(step, name);
   const std::string folders[2]{world.Folder("out/tiles"), world.Folder("out/tiles_again")};
   for (const std::string& folder : folders) {
     const bool first = &folder == &folders[0];
@@ -59,7 +73,9 @@ void TileObject(World& world, const Step& step, const std::string& store, const 
   Files again = FilesOf(folders[1]);
   std::erase_if(again, [](const auto& file) { return file.first.ends_with(".tmp"); });
   if (files != again) world.Fault("tile: other bytes of the packed file or after a kill", name);
-  if (!files.contains("tileset.json")) world.Fault("tile: no tileset", name);
+  if (!files.contains(step.Flag("segments") ? "info" : "tileset.json")) {
+    world.Fault("tile: nothing that makes the tree known", name);
+  }
   const Arguments verify{"verify", store, "--name", name, "--tiles", folders[0]};
   ++world.counts().answers;
   const Ran ran = world.Mtdb(verify);

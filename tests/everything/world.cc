@@ -113,10 +113,11 @@ Ran World::Checked(Ran ran, const std::string& what) {
     if (at != std::string::npos) ErrorFault(what + ": sanitizer", ran.err.substr(at));
   }
   if (ran.exit_code > 2) Fault(what + ": exit code " + std::to_string(ran.exit_code), ran.err);
-  const bool one_line = ran.err.starts_with("mtdb: ") && ran.err.find('\n') == ran.err.size() - 1;
-  // What verify finds is its answer.
-  const bool told = what == "mtdb verify" && ran.exit_code == 1 && !ran.out.empty();
-  if ((ran.exit_code == 1 || ran.exit_code == 2) && !one_line && !told && ran.signal == 0) {
+  // What verify finds wrong is its report.
+  const bool is_report = what == "mtdb verify" && ran.err.empty() && !ran.out.empty();
+  const bool one_line =
+      is_report || (ran.err.starts_with("mtdb: ") && ran.err.find('\n') == ran.err.size() - 1);
+  if ((ran.exit_code == 1 || ran.exit_code == 2) && !one_line && ran.signal == 0) {
     ErrorFault(what + ": not one line of error", ran.err);
   }
   return ran;

@@ -1,15 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
 // node clients_test.mjs MTDB FOLDER: what `mtdb tile` writes, read by other people's programs: the
-// Khronos validator, loaders.gl and the decoder of quantized-mesh that deck.gl uses. tools/tile_check
-// runs a copy of it beside these packages.
+// Khronos validator, loaders.gl, the decoder of quantized-mesh that deck.gl uses, pmtiles, and
+// neuroglancer's decoder. tools/tile_check runs a copy of it beside these packages.
 import assert from 'node:assert/strict';
 import {execFileSync} from 'node:child_process';
 import {readFileSync, readdirSync, writeFileSync} from 'node:fs';
 import {dirname, join} from 'node:path';
+import {fileURLToPath} from 'node:url';
 import quantizedMesh from '@here/quantized-mesh-decoder';
-import {Tiles3DLoader} from '@loaders.gl/3d-tiles';
+import {Tiles3DArchiveFileLoader, Tiles3DLoader} from '@loaders.gl/3d-tiles';
 import {parse} from '@loaders.gl/core';
 import validator from 'gltf-validator';
+import {PMTiles} from 'pmtiles';
+import {PNG} from 'pngjs';
 
 const [mtdb, folder] = process.argv.slice(2);
 const run = (...args) => execFileSync(mtdb, args, {cwd: folder, stdio: ['ignore', 'pipe', 'inherit']});
@@ -160,6 +163,116 @@ async function checkTerrain() {
   console.log(`terrain: ${threeD} tiles of glTF are valid, ${count} of quantized-mesh are read`);
 }
 
+// Each file of the folder is in the archive, where loaders.gl finds it by the index.
+async function checkArchive() {
+  run('tile', 'a.mtdb', 'a.3tz', '--tile-triangles', '2000', '--at=11.5,48,500', '--quiet');
+  const archive = bytesOf('a.3tz');
+  const names = ['tileset.json', ...filesOf('a', '.glb').map(name => name.slice(2))];
+  for (const name of names) {
+    const found = await Tiles3DArchiveFileLoader.parse(archive, {'3d-tiles-archive': {path: name}});
+    assert.deepEqual(new Uint8Array(found), new Uint8Array(bytesOf(join('a', name))), name);
+  }
+  console.log(`.3tz: loaders.gl finds ${names.length} files by the index`);
+}
+
+// The archive's tiles, as the package pmtiles finds them, are those of the folder, and heights are
+// those of the terrain, within the bound that is stated.
+async function checkHeights() {
+  for (const [encoding, height] of [
+    ['terrarium', (r, g, b) => r * 256 + g + b / 256 - 32768],
+    ['mapbox', (r, g, b) => -10000 + (r * 65536 + g * 256 + b) * 0.1]]) {
+    run('tile', 't.mtdb', encoding, '--as', 'terrain-rgb', '--encoding', encoding, '--quiet');
+    run('tile', 't.mtdb', encoding + '.pmtiles', '--as', 'terrain-rgb', '--encoding', encoding, '--quiet');
+    const file = bytesOf(encoding + '.pmtiles');
+    const archive = new PMTiles({getKey: () => encoding, getBytes: async (offset, length) => ({data: file.slice(offset, offset + length)})});
+    const header = await archive.getHeader(), metadata = await archive.getMetadata();
+    const tiles = filesOf(encoding, '.png');
+    assert.equal(header.numAddressedTiles, tiles.length);
+    assert.deepEqual([header.tileType, header.clustered, header.minZoom], [2, true, 0]);
+    assert.equal(metadata.encoding, encoding);
+    const places = [], heights = [];
+    for (const tile of tiles) {
+      const [z, x, y] = tile.split('/').slice(1).map(part => parseInt(part));
+      const {data} = await archive.getZxy(z, x, y);
+      assert.deepEqual(new Uint8Array(data), new Uint8Array(bytesOf(tile)), tile);
+      if (z !== header.maxZoom) continue;
+      const png = PNG.sync.read(Buffer.from(data));
+      assert.deepEqual([png.width, png.height], [256, 256]);
+      for (let i = 0; i < 65536; i += 997) {
+        const column = (x * 256 + i % 256 + 0.5) / 256 / 2 ** z, row = (y * 256 + Math.floor(i / 256) + 0.5) / 256 / 2 ** z;
+        const latitude = Math.atan(Math.sinh(Math.PI * (1 - 2 * row))) * 180 / Math.PI;
+        places.push(`${column * 360 - 180},${latitude}`);
+        heights.push(height(...png.data.slice(4 * i, 4 * i + 3)));
+      }
+    }
+    assert.equal(await archive.getZxy(header.maxZoom, 0, 0), undefined);
+    writeFileSync(join(folder, 'places'), places.join('\n') + '\n');
+    const bound = metadata.errorBounds[header.maxZoom];
+    let known = 0, farthest = 0;
+    JSON.parse(run('probe', 't.mtdb', '--heights', 'places', '--json')).heights.forEach((found, i) => {
+      if (found.height === null) return;
+      ++known;
+      farthest = Math.max(farthest, Math.abs(found.height - heights[i]));
+    });
+    assert.ok(known > 100 && farthest <= bound, `${known} places, ${farthest} m off, not ${bound}`);
+    console.log(`${encoding}: ${tiles.length} tiles of PMTiles are those of the folder; ${known} heights are at most ${farthest.toFixed(2)} m off, ${bound.toFixed(2)} is stated`);
+  }
+}
+
+// neuroglancer's own decoder takes each fragment apart.
+async function checkNeuroglancer() {
+  const wasm = join(dirname(fileURLToPath(import.meta.url)), 'node_modules/neuroglancer/lib/mesh/draco/neuroglancer_draco.wasm');
+  let decoded, parts, exports;
+  const words = (at, count) => new Uint32Array(exports.memory.buffer, at, count).slice();
+  const env = {
+    emscripten_notify_memory_growth() {},
+    proc_exit(code) { throw new Error(`exit ${code}`); },
+    neuroglancer_draco_receive_decoded_mesh(faces, vertices, indices, positions, offsets) {
+      decoded = {indices: words(indices, 3 * faces), positions: words(positions, 3 * vertices), offsets: words(offsets, parts + 1)};
+    },
+  };
+  ({exports} = (await WebAssembly.instantiate(readFileSync(wasm), {env, wasi_snapshot_preview1: env})).instance);
+  exports._initialize();
+  for (const bits of [16, 10]) {
+    const tree = `n${bits}`;
+    run('tile', 'a.mtdb', tree, '--as', 'neuroglancer', '--tile-triangles', '1000', '--bits', String(bits), '--quiet');
+    const index = new DataView(bytesOf(`${tree}/1.index`)), data = new Uint8Array(bytesOf(`${tree}/1`));
+    const lods = index.getUint32(24, true);
+    let at = 28 + 16 * lods, begin = 0, fragments = 0;
+    const counts = Array.from({length: lods}, (_, lod) => index.getUint32(at + 4 * lod, true));
+    at += 4 * lods;
+    const middle = 2 ** (bits - 1);
+    counts.forEach((count, lod) => {
+      for (let i = 0; i < count; ++i) {
+        const size = index.getUint32(at + 12 * count + 4 * i, true);
+        if (size === 0) continue;
+        parts = lod > 0 ? 8 : 1;
+        const heap = exports.malloc(size);
+        new Uint8Array(exports.memory.buffer).set(data.subarray(begin, begin + size), heap);
+        assert.equal(exports.neuroglancer_draco_decode(heap, size, lod > 0, bits, true), 0);
+        begin += size;
+        ++fragments;
+        assert.equal(decoded.offsets[parts], decoded.indices.length);
+        for (let part = 0; lod > 0 && part < 8; ++part) {
+          for (let v = decoded.offsets[part]; v < decoded.offsets[part + 1]; ++v) {
+            for (let axis = 0; axis < 3; ++axis) {
+              const q = decoded.positions[3 * decoded.indices[v] + axis];
+              assert.ok(q < 2 ** bits && (part >> axis & 1 ? q >= middle : q <= middle), 'a triangle crosses the middle');
+            }
+          }
+        }
+      }
+      at += 16 * count;
+    });
+    assert.equal(begin, data.length);
+    assert.equal(at, index.byteLength);
+    console.log(`neuroglancer, ${bits} bits: its decoder takes ${fragments} fragments of ${lods} levels apart`);
+  }
+}
+
 await checkThreeDTiles();
 await checkColours();
 await checkTerrain();
+await checkArchive();
+await checkHeights();
+await checkNeuroglancer();

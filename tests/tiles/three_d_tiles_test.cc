@@ -3,6 +3,7 @@
 #include <cmath>
 #include <limits>
 
+#include "store/base/bytes.h"
 #include "tests/tiles/tile_reading.h"
 
 namespace mtdb::test {
@@ -253,6 +254,81 @@ TEST_CASE("verify holds tiles against the object, and finds what is wrong", "[ti
       },
       "does not fall");
   RunFails(1, {"verify", tiles.example.store, "--tiles", folder.File("none")}, {"no tiles"});
+}
+
+// The files of a zip, by its central directory; the last one by itself.
+std::map<std::string, std::pair<uint64_t, std::string>> ReadZip(const std::string& zip,
+                                                                std::string* last) {
+  std::map<std::string, std::pair<uint64_t, std::string>> files;
+  ByteReader end(AsBytes(zip).subspan(zip.size() - 22));
+  CHECK(end.Get<uint32_t>() == 0x06054b50);
+  end.GetBytes(6);
+  const auto count = end.Get<uint16_t>();
+  end.GetBytes(4);
+  ByteReader in(AsBytes(zip).subspan(end.Get<uint32_t>()));
+  for (size_t i = 0; i < count; ++i) {
+    REQUIRE(in.Get<uint32_t>() == 0x02014b50);
+    in.GetBytes(6);
+    CHECK(in.Get<uint16_t>() == 0);  // stored
+    in.GetBytes(8);
+    const auto packed = in.Get<uint32_t>(), bytes = in.Get<uint32_t>();
+    CHECK(packed == bytes);
+    const auto name_bytes = in.Get<uint16_t>();
+    in.GetBytes(12);
+    const auto offset = in.Get<uint32_t>();
+    *last = AsString(in.GetBytes(name_bytes));
+    files[*last] = {offset, zip.substr(offset + 30 + name_bytes, bytes)};
+  }
+  return files;
+}
+
+TEST_CASE("an archive .3tz has the folder's files, and an index of them at last", "[tile]") {
+  const TiledSculpture& tiles = TheTiles();
+  const Folder folder;
+  const std::string path = folder.File("t.3tz");
+  const Arguments arguments{"tile", tiles.example.store, path, "--tile-triangles", "1000"};
+  const pid_t child = Start(arguments, folder.File("out"), folder.File("err"));
+  while (!Exists(path + ".parts/1") && !Exists(path)) ::usleep(1000);
+  ::kill(child, SIGKILL);
+  Finish(child);
+  if (!Exists(path)) RunOk(arguments);
+  CHECK_FALSE(Exists(path + ".parts"));
+  std::string last;
+  const auto files = ReadZip(ReadText(path), &last);
+  CHECK(last == "@3dtilesIndex1@");
+  size_t found = 0;
+  for (const auto& entry : std::filesystem::recursive_directory_iterator(tiles.folder)) {
+    if (!entry.is_regular_file()) continue;
+    const std::string name = std::filesystem::relative(entry.path(), tiles.folder);
+    INFO(name);
+    REQUIRE(files.contains(name));
+    CHECK(files.at(name).second == ReadText(entry.path()));
+    ++found;
+  }
+  CHECK(found + 1 == files.size());
+  // Hashes rise, and lead to local headers.
+  const std::string& index = files.at(last).second;
+  REQUIRE(index.size() == 24 * found);
+  std::set<uint64_t> offsets;
+  for (const auto& [name, file] : files) offsets.insert(file.first);
+  uint64_t before = 0;
+  for (size_t i = 0; i < found; ++i) {
+    ByteReader in(AsBytes(index).subspan(24 * i));
+    const auto high = in.Get<uint64_t>();
+    in.Get<uint64_t>();
+    CHECK(offsets.contains(in.Get<uint64_t>()));
+    CHECK(high > before);
+    before = high;
+  }
+  const Arguments verify{"verify", tiles.example.store, "--tiles", path};
+  CHECK(Run(verify).exit_code == 0);
+  std::string text = ReadText(path);
+  text[files.at(tiles.root.uri).first + 30 + tiles.root.uri.size() + 100] ^= 1;
+  WriteText(path, text);
+  CHECK(Run(verify).exit_code == 1);
+  WriteText(path, text.substr(0, text.size() / 2));
+  RunFails(1, verify, {"index"});
+  RunFails(1, arguments, {"is there already"});
 }
 
 TEST_CASE("a place on the globe becomes the root's matrix", "[tile]") {

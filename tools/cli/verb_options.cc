@@ -76,6 +76,8 @@ VerbOption VerbOptions::Add(const std::string& name, Value& value, const std::st
 template VerbOption VerbOptions::Add(const std::string&, std::string&, const std::string&);
 template VerbOption VerbOptions::Add(const std::string&, std::vector<std::string>&,
                                      const std::string&);
+template VerbOption VerbOptions::Add(const std::string&, std::optional<std::string>&,
+                                     const std::string&);
 template VerbOption VerbOptions::Add(const std::string&, uint16_t&, const std::string&);
 template VerbOption VerbOptions::Add(const std::string&, uint32_t&, const std::string&);
 template VerbOption VerbOptions::Add(const std::string&, std::optional<int>&, const std::string&);

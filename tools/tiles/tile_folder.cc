@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <fcntl.h>
 #include <filesystem>
+#include <iterator>
 #include <sys/file.h>
 #include <sys/stat.h>
 #include <system_error>
@@ -20,6 +21,8 @@ namespace mtdb {
 namespace {
 
 namespace fs = std::filesystem;
+
+constexpr char kProperties[] = "segment_properties";
 
 Status FileError(const std::string& path, int error) {
   return {FileErrorCode(error), path + ": " + std::generic_category().message(error)};
@@ -36,13 +39,47 @@ bool HaveSameMembers(const Json& a, const Json& b) {
 bool IsNumber(const std::string& name) {
   return name.find_first_not_of("0123456789") == std::string::npos;
 }
+bool IsNumberOf16(const std::string& name) {
+  return name.find_first_not_of("0123456789abcdef") == std::string::npos;
+}
+
+// Of files in folders with numbers, and beside these.
+constexpr const char* kSuffixes[] = {".glb", ".json", ".terrain", ".png", ".drc"};
+constexpr const char* kTopNames[] = {"tileset.json", "layer.json", "tiles.json", "info",
+                                     "manifest"};
 
 // What a tree has: files of tiles in folders with numbers, those that name them, and such as were
 // being written.
 bool IsOfTree(std::string name, bool at_top) {
   if (name.ends_with(".tmp")) name.resize(name.size() - 4);
-  if (at_top) return name == "tileset.json" || name == "layer.json";
-  return name.ends_with(".glb") || name.ends_with(".json") || name.ends_with(".terrain");
+  if (!at_top) {
+    return std::any_of(std::begin(kSuffixes), std::end(kSuffixes),
+                       [&](const char* suffix) { return name.ends_with(suffix); });
+  }
+  const std::string stem = name.substr(0, name.find('.'));
+  return std::find(std::begin(kTopNames), std::end(kTopNames), name) != std::end(kTopNames) ||
+         (IsNumber(stem) && (name == stem || name == stem + ".index")) ||
+         (name.ends_with(".shard") && IsNumberOf16(stem));
+}
+
+Status RemoveFile(const std::string& path) {
+  std::error_code error;
+  fs::remove(path, error);
+  return error ? FileError(path, error.value()) : Status::Ok();
+}
+
+Status ClearFolder(const std::string& path, bool at_top);
+
+// Trees that did not become files.
+Status ClearParts(const std::string& path) {
+  std::error_code error;
+  for (fs::directory_iterator entry(path, error), end; !error && entry != end;
+       entry.increment(error)) {
+    const bool is_tree =
+        fs::is_directory(entry->symlink_status(error)) && IsNumber(entry->path().filename());
+    if (is_tree) MTDB_RETURN_IF_ERROR(TileFolder::Remove(entry->path()));
+  }
+  return error ? FileError(path, error.value()) : Status::Ok();
 }
 
 // Whatever else is there stays, and its folders with it.
@@ -52,7 +89,11 @@ Status ClearFolder(const std::string& path, bool at_top) {
        entry.increment(error)) {
     const std::string name = entry->path().filename();
     const fs::file_status status = entry->symlink_status(error);
-    if (fs::is_directory(status) && IsNumber(name)) {
+    if (at_top && fs::is_directory(status) && name == kTileParts) {
+      MTDB_RETURN_IF_ERROR(ClearParts(entry->path()));
+    } else if (at_top && fs::is_directory(status) && name == kProperties) {
+      MTDB_RETURN_IF_ERROR(RemoveFile(entry->path() / "info"));
+    } else if (fs::is_directory(status) && IsNumber(name)) {
       MTDB_RETURN_IF_ERROR(ClearFolder(entry->path(), false));
       std::error_code not_empty;
       fs::remove(entry->path(), not_empty);
@@ -151,11 +192,40 @@ Status TileFolder::Record(const Json& progress) {
   return Status::Ok();
 }
 
+Status TileFolder::Remove(const std::string& path) {
+  // First nothing is complete: what is killed while it removes is no tree to go on with.
+  if (const Result<Json> record = ReadTileRecord(path); record.ok()) {
+    TileFolder folder(path);
+    MTDB_RETURN_IF_ERROR(folder.Lock());
+    folder.identity_ = (*record)["of"];
+    MTDB_RETURN_IF_ERROR(folder.Record(Json(Json::Object{})));
+  }
+  MTDB_RETURN_IF_ERROR(ClearFolder(path, true));
+  MTDB_RETURN_IF_ERROR(RemoveFile(path + "/" + kTileRecord));
+  std::error_code not_empty;
+  fs::remove(path, not_empty);
+  return Status::Ok();
+}
+
+std::vector<std::string> ListTileFiles(const std::string& path) {
+  std::vector<std::string> names;
+  std::error_code error;
+  for (fs::recursive_directory_iterator entry(path, error), end; !error && entry != end;
+       entry.increment(error)) {
+    const std::string name = fs::relative(entry->path(), path, error).generic_string();
+    if (entry->is_regular_file(error) && !name.ends_with(".tmp")) names.push_back(name);
+  }
+  std::sort(names.begin(), names.end());
+  return names;
+}
+
+bool IsTileRecord(const Json& record) { return record["schema"] == Json("mtdb/tile_record/1"); }
+
 Result<Json> ReadTileRecord(const std::string& path) {
   const Result<std::string> text = ReadFile(path + "/" + kTileRecord);
   if (!text.ok()) return NotFound(path + ": no tiles by mtdb are there");
   Json record = Json::ParseObject(*text);
-  if (std::as_const(record)["schema"] == Json("mtdb/tile_record/1")) return record;
+  if (IsTileRecord(record)) return record;
   return NotFound(path + ": no tiles by mtdb are there");
 }
 

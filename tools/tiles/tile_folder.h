@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "store/base/bytes.h"
 #include "store/base/json.h"
@@ -14,6 +15,8 @@ namespace mtdb {
 
 // The record's name in the folder.
 inline constexpr char kTileRecord[] = "mtdb-tiles.json";
+// A folder in it, where several trees lie by their numbers until they become files of the folder.
+inline constexpr char kTileParts[] = "parts";
 
 // Locked while this object lives. Write() is for any thread, all else for one.
 class TileFolder {
@@ -24,6 +27,8 @@ class TileFolder {
   // and has no such record. kBusy: another process writes there.
   static Result<std::unique_ptr<TileFolder>> Open(const std::string& path, const Json& identity,
                                                   bool force);
+  // Takes a tree away, with its record and, where nothing else is in it, the folder.
+  static Status Remove(const std::string& path);
   ~TileFolder();
   TileFolder(const TileFolder&) = delete;
   TileFolder& operator=(const TileFolder&) = delete;
@@ -46,6 +51,12 @@ class TileFolder {
   Json identity_, progress_;
 };
 
+// The names of all files of a tree, from the folder on, sorted; not of those that were being
+// written.
+std::vector<std::string> ListTileFiles(const std::string& path);
+
+// Whether it is a record of tiles.
+bool IsTileRecord(const Json& record);
 // The record of the tree in `path`: its identity and progress. kNotFound where there is none.
 Result<Json> ReadTileRecord(const std::string& path);
 

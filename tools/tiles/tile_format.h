@@ -16,14 +16,14 @@
 #include "store/base/bytes.h"
 #include "store/base/json.h"
 #include "store/base/status.h"
-#include "tools/tiles/level_mesh.h"
+#include "tools/tiles/level/level_mesh.h"
 
 namespace mtdb {
 
 // One level of a tree of tiles, as it was written.
 struct TileLevel {
-  double error_bound = 0;  // metres where places have metres: no point of a tile is farther from
-                           // the input, nor the input from the level
+  double error_bound = 0;  // metres, or nanometres, as places have: no point of a tile is farther
+                           // from the input, nor the input from the level
   uint64_t triangles = 0;  // of the level's mesh
   uint64_t tiles = 0;
   uint64_t written_triangles = 0;  // of all tiles: with those that several have, and with skirts

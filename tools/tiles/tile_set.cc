@@ -13,7 +13,7 @@
 
 #include "store/base/out_of_memory.h"
 #include "tools/tiles/json_reading.h"
-#include "tools/tiles/tile_buckets.h"
+#include "tools/tiles/level/tile_buckets.h"
 #include "tools/tiles/tile_folder.h"
 
 namespace mtdb {
@@ -21,20 +21,6 @@ namespace mtdb {
 namespace {
 
 constexpr size_t kBucketBytes = 32;  // of a triangle while it is sorted
-
-Json LevelJson(const TileLevel& level) {
-  return {{"error_bound", level.error_bound},
-          {"triangles", level.triangles},
-          {"tiles", level.tiles},
-          {"written_triangles", level.written_triangles},
-          {"bytes", level.bytes}};
-}
-
-TileLevel LevelOf(const Json& json) {
-  return {NumberOf(At(json, "error_bound")), CountOf(At(json, "triangles")),
-          CountOf(At(json, "tiles")), CountOf(At(json, "written_triangles")),
-          CountOf(At(json, "bytes"))};
-}
 
 // One tree, level after level.
 class TileWriter {
@@ -63,7 +49,7 @@ class TileWriter {
     if (!progress.contains("levels")) return Status::Ok();
     try {
       for (const Json& level : ElementsOf(At(progress, "levels")))
-        report_.levels.push_back(LevelOf(level));
+        report_.levels.push_back(TileLevelOf(level));
       report_.levels_found = static_cast<uint32_t>(report_.levels.size());
       for (const TileLevel& level : report_.levels) done_ += 2 * level.triangles;
       if (format_.Restore(At(progress, "state"), report_.levels_found)) return Status::Ok();
@@ -76,7 +62,7 @@ class TileWriter {
 
   Status Record() {
     Json levels(Json::Array{});
-    for (const TileLevel& level : report_.levels) levels.push_back(LevelJson(level));
+    for (const TileLevel& level : report_.levels) levels.push_back(TileLevelJson(level));
     return folder_.Record({{"levels", std::move(levels)}, {"state", format_.State()}});
   }
 
@@ -215,6 +201,20 @@ class TileWriter {
 };
 
 }  // namespace
+
+Json TileLevelJson(const TileLevel& level) {
+  return {{"error_bound", level.error_bound},
+          {"triangles", level.triangles},
+          {"tiles", level.tiles},
+          {"written_triangles", level.written_triangles},
+          {"bytes", level.bytes}};
+}
+
+TileLevel TileLevelOf(const Json& json) {
+  return {NumberOf(At(json, "error_bound")), CountOf(At(json, "triangles")),
+          CountOf(At(json, "tiles")), CountOf(At(json, "written_triangles")),
+          CountOf(At(json, "bytes"))};
+}
 
 Result<TileSetReport> WriteTileSet(const Surface& surface, const std::string& path,
                                    TileFormat& format, const TileSetOptions& options) {

@@ -14,6 +14,10 @@
 
 namespace mtdb {
 
+// As records and reports have it. UnexpectedJson (json_reading.h): it is damaged.
+Json TileLevelJson(const TileLevel& level);
+TileLevel TileLevelOf(const Json& json);
+
 struct TileSetOptions {
   uint64_t memory_bytes = uint64_t{256} << 20;  // beside the surface's cache
   unsigned threads = 1;                         // that encode tiles

@@ -25,7 +25,7 @@
 #include "tools/request/arguments.h"
 #include "tools/request/report_json.h"
 #include "tools/request/root_reason.h"
-#include "tools/tiles/verify_tiles.h"
+#include "tools/tiles/verify/verify_tiles.h"
 
 namespace mtdb {
 

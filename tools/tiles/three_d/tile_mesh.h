@@ -1,0 +1,28 @@
+// SPDX-License-Identifier: Apache-2.0
+// MakeTileMesh: the triangles of a tile on the level's lattice, with skirts.
+#pragma once
+
+#include <span>
+
+#include "tools/tiles/level/level_mesh.h"
+#include "tools/tiles/three_d/gltf_tile.h"
+
+namespace mtdb {
+
+struct TileMeshOptions {
+  Vec3d origin;  // of the lattice
+  double step = 1;
+  bool colours = false;
+  // Skirts hang so deep below the edges where the tile ends and the level's mesh goes on; 0: none.
+  double skirt = 0;
+  bool skirt_is_vertical = false;  // else against the normal
+  // Every triangle of the level with a vertex in here is among the tile's: its edges have no skirt.
+  Box3d inside;
+};
+
+// `content` becomes the box around all vertices. Triangles that the lattice makes one point or line
+// of two vertices are left out.
+GltfTile MakeTileMesh(const LevelMesh& mesh, std::span<const LevelTriangle> triangles,
+                      const TileMeshOptions& options, Box3d* content);
+
+}  // namespace mtdb
