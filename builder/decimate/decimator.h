@@ -114,6 +114,7 @@ class Decimator final : public TileDecimator {
   std::vector<Vertex> states_;
   std::vector<KeptFilling> kept_;
   std::vector<Removal> removals_;
+  uint32_t open_fans_ = 0;  // at most, of all removals
   // Of the vertex under evaluation.
   Hole hole_;
   Filling filling_;
@@ -151,6 +152,7 @@ TileResult Decimator<Measure, Rule>::Decimate(std::span<const TileTriangle> tile
   kept_.resize(vertices);
   queue_.Reset(vertices);
   removals_.clear();
+  open_fans_ = 0;
   TileResult result;
   // Vertices are evaluated when their turn comes; a guess that is mostly low decides when.
   for (uint32_t v = 0; v < vertices; ++v) {
@@ -162,10 +164,10 @@ TileResult Decimator<Measure, Rule>::Decimate(std::span<const TileTriangle> tile
     }
   }
   const uint32_t level_triangles = LevelTriangles(options, result);
-  // All triangles that ever were are slots of the cluster; a ring at the border has one corner
-  // more.
+  // All triangles that ever were are slots of the cluster; a ring at a crease has one corner more
+  // than its star has triangles.
   const auto has_room = [&](uint32_t corners) {
-    return mesh_.triangles() + removals_.size() + corners <= kMostSlots;
+    return mesh_.triangles() + open_fans_ + corners <= kMostSlots;
   };
   while (mesh_.live_triangles() > options.target_triangles && has_room(Hole::kMaxRing)) {
     const std::optional<uint32_t> v = queue_.Pop();
@@ -368,6 +370,7 @@ void Decimator<Measure, Rule>::Remove() {
   Removal removal = mesh_.Fill(hole_, filling_.triangles);
   removal.error = filling_.error;
   removals_.push_back(removal);
+  open_fans_ += std::max(removal.fans, 1u);
   measure_.HandOn(hole_, filling_, first);
   // Evaluations open other holes.
   const std::vector<uint32_t> ring = hole_.ring;
@@ -484,6 +487,7 @@ void Decimator<Measure, Rule>::RemoveTwins(uint32_t v) {
     twin = mesh_.twin(twin);
   } while (twin != v);
   removals_.push_back(removal);
+  open_fans_ += std::max(removal.fans, 1u);
   TellNeighbours(rings);
 }
 
