@@ -13,10 +13,10 @@ export const engineSources = () => [...readLines(join(root, 'query/engine_source
 const kFast = [
   'codecs/cluster/cluster.cc', 'codecs/cluster/cluster_codec.cc', 'codecs/coding/cluster_model.cc',
   'codecs/coding/hole_frame.cc', 'codecs/coding/patch.cc', 'codecs/coding/rans.cc',
-  'query/cut/judge.cc', 'query/cut/survey.cc', 'query/fields/convex.cc', 'query/moving/moving_survey.cc',
+  'query/cut/judge.cc', 'query/cut/survey.cc',
 ];
 // What comes next; all else is made small.
-const kLessSmall = ['query/fields/threshold.cc'];
+const kLessSmall = ['query/fields/convex.cc', 'query/fields/threshold.cc', 'query/moving/moving_survey.cc'];
 const optionsOf = sources => {
   for (const file of [...kFast, ...kLessSmall]) {
     if (!sources.includes(file)) throw new Error(`tools/web/engine.mjs: ${file} is no source of the engine`);
