@@ -455,19 +455,21 @@ TEST_CASE("a killed run goes on, and a folder that is complete is left", "[tile]
 }
 
 TEST_CASE("verify finds fragments that are not what they say", "[tile]") {
-  const Written& w = TheWritten();
-  const Json report = RunJson({"verify", w.example.store, "--tiles", w.folder});
-  CHECK(report.at("ok") == true);
   const Folder folder;
+  const Example& example = SmallExample();
+  const std::string tiles = folder.File("tiles");
+  RunOk({"tile", example.store, tiles, "--as", "neuroglancer", "--tile-triangles", "100"});
+  const Segment segment = ReadUnsharded(tiles, "1");
+  CHECK(RunJson({"verify", example.store, "--tiles", tiles}).at("ok") == true);
   const std::string copy = folder.File("copy");
   const auto damaged = [&](const std::string& name, const auto& change, const std::string& what) {
     INFO(what);
     std::filesystem::remove_all(copy);
-    std::filesystem::copy(w.folder, copy, std::filesystem::copy_options::recursive);
+    std::filesystem::copy(tiles, copy, std::filesystem::copy_options::recursive);
     std::string text = ReadText(copy + "/" + name);
     change(&text);
     WriteText(copy + "/" + name, text);
-    const Outcome outcome = Run({"verify", w.example.store, "--tiles", copy});
+    const Outcome outcome = Run({"verify", example.store, "--tiles", copy});
     CHECK(outcome.exit_code == 1);
     CHECK_THAT(outcome.out, Catch::Contains("FAILED: ") && Catch::Contains(what));
   };
@@ -478,11 +480,11 @@ TEST_CASE("verify finds fragments that are not what they say", "[tile]") {
   damaged(
       "1.index", [](std::string* text) { text->resize(text->size() - 4); }, "size");
   // The scale of the coarsest level as that of a finer one.
-  const size_t levels = w.segment.levels.size();
+  const size_t levels = segment.levels.size();
   damaged(
       "1.index",
       [&](std::string* text) {
-        const float scale = w.segment.scales[levels - 2];
+        const float scale = segment.scales[levels - 2];
         std::memcpy(text->data() + 28 + 4 * (levels - 1), &scale, sizeof(scale));
       },
       "the tile states");

@@ -285,9 +285,9 @@ TEST_CASE("PMTiles has the tiles of the folder, and what equals another one once
       {"is there already"});
 
   // A plain has equal tiles, and a mountain in it others.
-  const std::string plain = WriteTerrain(
-      hills.folder, "plain", 301, 11, 47, "0.01",
-      [](auto c, auto r) { return c > 200 && c < 210 && r > 150 && r < 160 ? 900 : 500; });
+  const std::string plain =
+      WriteTerrain(hills.folder, "plain", 101, 11, 47, "0.03",
+                   [](auto c, auto r) { return c > 60 && c < 70 && r > 50 && r < 60 ? 900 : 500; });
   const std::string of_plain = hills.folder.File("plain.pmtiles");
   RunOk({"tile", plain, of_plain, "--as", "terrain-rgb", "--max-level", "10"});
   const Archive equal(of_plain);

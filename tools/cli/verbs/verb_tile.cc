@@ -229,7 +229,7 @@ RunVerb AddTile(VerbOptions* verb) {
 
 }  // namespace
 
-const Verb kTileVerb{"tile", "write tiles for Cesium, QGIS, three.js and others",
+const Verb kTileVerb{"tile", "write tiles for Cesium, QGIS, MapLibre, neuroglancer and others",
                      "Examples: mtdb tile scans.mtdb www/statue --at 11.57,48.14,520\n"
                      "          mtdb tile alps.mtdb www/alps --as quantized-mesh\n"
                      "          mtdb tile alps.mtdb www/alps.pmtiles --as terrain-rgb\n"
