@@ -146,7 +146,9 @@ Result<ProbeAnswer> ProbePoint(const Surface& surface, Vec3d point, const ProbeO
         hit->distance + answer.error_bound + std::max(errors[i + 1], record.rounding_error);
     answer.reach = std::min(answer.reach, next * kRoundUp);
   }
-  for (;; answer.reach = std::min(all, 2 * answer.reach)) {
+  // Of an exact surface the reach may be 0, and rounding may put the point beside it.
+  const double least = all * 1e-15;
+  for (;; answer.reach = std::min(all, 2 * std::max(answer.reach, least))) {
     MTDB_ASSIGN_OR_RETURN(const TriangleMesh mesh,
                           TrianglesAt(surface, SphereRegion(point, answer.reach), errors.back(),
                                       options.control, &answer));
