@@ -27,6 +27,8 @@
 
 namespace mtdb::internal {
 
+static_assert(kMostOrder == kMostFans);
+
 // Where removals of a tile end.
 struct RemovalLimits {
   uint32_t target_triangles = 0;  // stop at this many, or when no legal removal is left
@@ -120,11 +122,13 @@ class Decimator final : public TileDecimator {
   Filling filling_;
   bool measured_ = false;  // the filling's diagonals, as far as they are seen
   bool patient_ = false;   // it is measured to its end, whatever else is cheaper
-  // Of twins: the largest error of their fillings, the corners of their rings, and the edges that
-  // their fillings make, by the first twins of these.
-  double twins_error_ = 0;
-  uint32_t twins_corners_ = 0;
-  std::vector<std::pair<uint32_t, uint32_t>> new_edges_;
+  struct Twins {
+    double error = 0;      // the largest of their fillings
+    uint32_t corners = 0;  // of their rings
+    // That their fillings make, by first twins.
+    std::vector<std::pair<uint32_t, uint32_t>> new_edges;
+  };
+  Twins twins_;
 };
 
 // What the builder uses: for surfaces in space, and for terrains.
@@ -174,11 +178,11 @@ TileResult Decimator<Measure, Rule>::Decimate(std::span<const TileTriangle> tile
     if (!v) break;
     const bool twins = HasTwins(*v);
     if (!(twins ? AreReady(*v) : IsReady(*v))) continue;
-    const double error = twins ? twins_error_ : filling_.error;
+    const double error = twins ? twins_.error : filling_.error;
     if (error > options.largest_error) continue;
     if (error > options.level_error && mesh_.live_triangles() <= level_triangles) break;
     if (twins) {
-      if (!has_room(kMostFanCorners)) break;
+      if (!has_room(kMostFanCorners)) continue;
       RemoveTwins(*v);
       continue;
     }
@@ -390,7 +394,7 @@ void Decimator<Measure, Rule>::TellNeighbours(std::span<const uint32_t> ring) {
     const uint32_t r = mesh_.first_twin(near);
     if (mesh_.locked(r) || states_[r].verdict == Verdict::kLegal) continue;
     if (HasTwins(r)) {
-      if (EvaluateTwins(r)) queue_.Push(r, twins_error_);
+      if (EvaluateTwins(r)) queue_.Push(r, twins_.error);
       continue;
     }
     Evaluate(r);
@@ -404,9 +408,9 @@ bool Decimator<Measure, Rule>::EvaluateTwins(uint32_t v) {
   Vertex& state = states_[v];
   state.stale = state.bounded = false;
   state.verdict = Verdict::kTopology;
-  twins_error_ = 0;
-  twins_corners_ = 0;
-  new_edges_.clear();
+  twins_.error = 0;
+  twins_.corners = 0;
+  twins_.new_edges.clear();
   patient_ = true;
   bool legal = true;
   uint32_t twin = v;
@@ -422,7 +426,7 @@ bool Decimator<Measure, Rule>::EvaluateTwins(uint32_t v) {
 template <FillingMeasure Measure, FillingRule Rule>
 bool Decimator<Measure, Rule>::EvaluateFan(uint32_t twin, Vertex& state) {
   if (!mesh_.OpenHole(twin, degree_limit_, hole_) ||
-      (twins_corners_ += hole_.k) > kMostFanCorners) {
+      (twins_.corners += hole_.k) > kMostFanCorners) {
     state.verdict = Verdict::kDegree;
     return false;
   }
@@ -436,7 +440,7 @@ bool Decimator<Measure, Rule>::EvaluateFan(uint32_t twin, Vertex& state) {
     return false;
   }
   if (!NoteNewEdges()) return false;
-  twins_error_ = std::max(twins_error_, filling_.error);
+  twins_.error = std::max(twins_.error, filling_.error);
   Keep(twin);
   return true;
 }
@@ -447,12 +451,13 @@ bool Decimator<Measure, Rule>::NoteNewEdges() {
   const auto edge = [&](uint32_t i, uint32_t j) {
     return std::minmax({mesh_.first_twin(hole_.ring[i]), mesh_.first_twin(hole_.ring[j])});
   };
-  if (new_edges_.empty()) new_edges_.emplace_back(edge(0, hole_.k - 1));
+  if (twins_.new_edges.empty()) twins_.new_edges.emplace_back(edge(0, hole_.k - 1));
   for (uint32_t t = 1; t < hole_.k - 2; ++t) {
     const std::pair<uint32_t, uint32_t> made =
         edge(filling_.triangles[t][0], filling_.triangles[t][2]);
-    if (std::find(new_edges_.begin(), new_edges_.end(), made) != new_edges_.end()) return false;
-    new_edges_.push_back(made);
+    if (std::find(twins_.new_edges.begin(), twins_.new_edges.end(), made) != twins_.new_edges.end())
+      return false;
+    twins_.new_edges.push_back(made);
   }
   return true;
 }
@@ -461,8 +466,8 @@ bool Decimator<Measure, Rule>::NoteNewEdges() {
 template <FillingMeasure Measure, FillingRule Rule>
 bool Decimator<Measure, Rule>::AreReady(uint32_t v) {
   if (!EvaluateTwins(v)) return false;
-  if (!queue_.HasCheaperThan(twins_error_)) return true;
-  queue_.Push(v, twins_error_);
+  if (!queue_.HasCheaperThan(twins_.error)) return true;
+  queue_.Push(v, twins_.error);
   return false;
 }
 

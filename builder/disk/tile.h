@@ -7,7 +7,6 @@
 #include <cstdint>
 #include <vector>
 
-#include "codecs/cluster/cluster_limits.h"
 #include "store/base/bytes.h"
 #include "store/base/geometry.h"
 #include "store/base/ids.h"
@@ -58,7 +57,6 @@ static_assert(sizeof(TileTriangle) == 68 && offsetof(TileTriangle, fans) == 66);
 
 // More triangles at a crease than this, and its ends stay.
 constexpr uint32_t kMostOrder = 15;
-static_assert(kMostOrder == kMostFans);
 
 // Some triangles, with the attribute rows of their corners (three a triangle).
 struct TriangleBlock {

@@ -26,7 +26,7 @@ namespace {
 // The header: magic, the mark, u64 checksum of what follows, the key, u32 length of the note, the
 // note. The magic's number changes with the records, and with what the builder or the codecs make
 // of a tile.
-constexpr char kMagic[16] = "mtdb journal 11";
+constexpr char kMagic[16] = "mtdb journal 12";
 // The mark: zeros, or the object's digest, hash of its name, hash of these and the checksum.
 constexpr size_t kMarkBytes = 32;
 constexpr size_t kFixedHeaderBytes = sizeof(kMagic) + kMarkBytes + 8 + 16 + 4;

@@ -119,9 +119,10 @@ struct Cluster {
   std::vector<uint32_t> removers;       // per slot: node, kChildFlag | ordinal, or kDrain
   std::vector<UnitId> children;         // ascending
   std::vector<ExplicitArc> explicit_arcs;  // ascending by slot
-  // Of other shapes than stars; both are empty when each node inserts one vertex.
-  std::vector<uint32_t> vertex_begin;                    // nodes + 1; local vertices
-  std::vector<std::array<uint32_t, 3>> created_corners;  // of slots listed() + 0, 1, ...
+  // Empty when each node inserts one vertex.
+  std::vector<uint32_t> vertex_begin;  // nodes + 1; local vertices
+  // Of slots listed() + 0, 1, ...; empty when each node's star is one around its ring.
+  std::vector<std::array<uint32_t, 3>> created_corners;
   // Per node: how many open fans its star is; 0 for a closed one. Empty when none has several.
   std::vector<uint8_t> fans;
   std::vector<uint32_t> later_fans;  // the slots at which second and later fans begin, ascending

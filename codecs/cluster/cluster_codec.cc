@@ -212,6 +212,7 @@ Status ClusterDecoder::DecodeOtherFans(RansDecoder<2>& coder, uint32_t anchor, u
   const uint32_t a = first_hole.ring[first_hole.ring_count - 1];
   const uint32_t b = first_hole.ring[0];
   const std::span<const uint32_t> found = patch.FindCrease(a, b);
+  if (patch.crease_search_is_hostile()) return Corrupted("creases that are too hard to find");
   if (found.empty()) return Status::Ok();
   if (found.size() >= kMostFans || found.back() >> 2 >= anchor) {
     return Corrupted("node " + std::to_string(node) + " has too many fans, or newer ones");
@@ -468,10 +469,10 @@ Result<Cluster> ClusterDecoder::Decode(ByteSpan payload, InPatch in, uint32_t no
     if (patch_->remover(s) == kNone32) return Corrupted("in-triangle that no node removes");
   }
   if (has_fans()) {
+    c.created_corners.reserve(patch_->slots() - c.listed());
     for (uint32_t s = c.listed(); s < patch_->slots(); ++s) {
       c.created_corners.push_back(patch_->triangle(s).corners);
     }
-    for (uint32_t i = 0; i <= n; ++i) c.vertex_begin.push_back(c.external_vertices() + i);
   }
   MTDB_RETURN_IF_ERROR(DecodeArcs(streams));
   return std::move(cluster_);

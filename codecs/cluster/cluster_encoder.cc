@@ -433,6 +433,13 @@ void EncodeVertices(const Replay& replay, bool scaled_by_error, ClusterModels& m
   }
 }
 
+uint8_t FlagsOf(const Replay& replay, bool is_height_field, bool scaled_by_error) {
+  return static_cast<uint8_t>(
+      (replay.any_boundary ? kFlagBoundary : 0) | (scaled_by_error ? kFlagScaledByError : 0) |
+      (is_height_field ? kFlagFlat : 0) | (replay.lattice ? kFlagLattice : 0) |
+      (replay.any_fans ? kFlagFans : 0));
+}
+
 }  // namespace
 
 EncodedCluster EncodeCluster(const ClusterUpdates& updates, const AttributeLayout& attributes) {
@@ -477,10 +484,7 @@ EncodedCluster internal::EncodeCluster(const ClusterUpdates& updates,
   StreamWriter streams;
   EncodeExplicitArcs(arcs.explicit_arcs, streams);
   ByteWriter& head = streams.stream(StreamTag::kHead);
-  head.Put<uint8_t>(static_cast<uint8_t>(
-      (replay.any_boundary ? kFlagBoundary : 0) | (scaled_by_error ? kFlagScaledByError : 0) |
-      (updates.is_height_field ? kFlagFlat : 0) | (replay.lattice ? kFlagLattice : 0) |
-      (replay.any_fans ? kFlagFans : 0)));
+  head.Put<uint8_t>(FlagsOf(replay, updates.is_height_field, scaled_by_error));
   head.Put<uint8_t>(static_cast<uint8_t>(reference_length));
   head.PutVarint(node_count);
   head.PutVarint(child_count);

@@ -211,6 +211,7 @@ std::span<const uint32_t> Patch::FindCrease(uint32_t a, uint32_t b) {
   const uint64_t ends = EndsKey(a, b);
   for (uint32_t* link = &crease_lists_[CreaseList(ends)]; *link != kNone32;) {
     const Crease& c = creases_[*link];
+    ++crease_steps_;
     const uint32_t h = c.half_edge;
     if (removers_[h >> 2] != kNone32 || triangles_[h >> 2].opposite[h & 3] != kNone32) {
       *link = c.next;

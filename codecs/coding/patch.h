@@ -180,6 +180,8 @@ class Patch {
   // The half-edges without an opposite between two vertices, of triangles that are there, in
   // ascending order: those of the other holes of a node, when the first one has been walked.
   std::span<const uint32_t> FindCrease(uint32_t a, uint32_t b);
+  // Whether FindCrease took longer than edges can make it take that nobody chose for that.
+  bool crease_search_is_hostile() const { return crease_steps_ >> 10 > slots_; }
   // Vertices of the ring of a node's hole may be in the rings of its other holes, too.
   void AllowInNextRing(const Hole& hole) {
     for (const uint32_t v : hole.ring_span()) last_apex_[v] = kNone32;
@@ -225,6 +227,7 @@ class Patch {
   };
   std::vector<Crease> creases_;
   std::vector<uint32_t> crease_lists_;
+  uint64_t crease_steps_ = 0;
   std::vector<uint32_t> crease_;  // the one that was found
 };
 

@@ -6,7 +6,6 @@
 #include <utility>
 #include <vector>
 
-#include "codecs/cluster/cluster_limits.h"
 #include "codecs/stream/internal/clip_coder.h"
 #include "codecs/stream/internal/delaunay_coder.h"
 #include "codecs/stream/internal/update_coder.h"
@@ -85,9 +84,9 @@ class UpdateDecoder::Impl {
   NearPlaces near_places_;
   UpdateModels models_{{}};
   Bytes row_;
-  std::vector<Vec3i> ring_;                   // positions around the vertex at hand
-  UpdateHole update_;                         // the one at hand
-  std::array<UpdateHole, kMostFans> listed_;  // the holes of one that lists them
+  std::vector<Vec3i> ring_;                          // positions around the vertex at hand
+  UpdateHole update_;                                // the one at hand
+  std::array<UpdateHole, kMostListedHoles> listed_;  // the holes of one that lists them
   FreshTriangles fresh_;
   FreshTriangles next_fresh_;
   std::vector<uint32_t> slots_;
@@ -457,7 +456,14 @@ Status UpdateDecoder::Impl::DecodeListed(Coder& coder, bool insert) {
   if (!insert && (!mesh_.has_vertex(vertex) || mesh_.degree(vertex) != slots.size())) {
     return Corrupted("listed removal of what is no vertex");
   }
-  for (UpdateHole& update : holes) MTDB_RETURN_IF_ERROR(CheckListed(insert, vertex, update));
+  const auto ends = [](const UpdateHole& update) {
+    const std::span<const uint32_t> ring = update.hole.ring_span();
+    return std::minmax({ring.front(), ring.back()});
+  };
+  for (UpdateHole& update : holes) {
+    MTDB_RETURN_IF_ERROR(CheckListed(insert, vertex, update));
+    if (ends(update) != ends(holes[0])) return Corrupted("listed holes of different edges");
+  }
   if (!insert) {
     for (const UpdateHole& update : holes) {
       MTDB_RETURN_IF_ERROR(FinishRemoval(coder, update, vertex));

@@ -114,7 +114,7 @@ Result<CompactCluster> MakeCompact(Cluster cluster, const std::string& where) {
   c.vertex_begin = std::move(cluster.vertex_begin);
   c.created_corners = std::move(cluster.created_corners);
   c.fans = std::move(cluster.fans);
-  c.later_fans = std::move(cluster.later_fans);
+  c.later_fans = Tight(std::move(cluster.later_fans));
   return c;
 }
 

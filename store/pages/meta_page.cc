@@ -56,6 +56,7 @@ Status CheckIsStore(const StoreFile& file) {
   Bytes start(std::min<uint64_t>(file_bytes, kFileKindBytes));
   MTDB_RETURN_IF_ERROR(file.ReadAt(0, start));
   const std::string_view kind = KindOfFile(AsString(start));
+  if (SeemsStore(AsString(start)) || SeemsPackedFile(AsString(start))) return Status::Ok();
   // What is left of a store may be too short for a meta page.
   if (kind.empty() && file_bytes < kMetaPages * kMinPageSize) return Status::Ok();
   if (!HasNoMetaPage(file, file_bytes)) return Status::Ok();

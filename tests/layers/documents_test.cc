@@ -191,7 +191,7 @@ TEST_CASE("the FORMAT documents have the versions, magic numbers and limits of t
       REQUIRE(right);
       const size_t at = text.size() - behind.size() +
                         behind.find(left + *right + s.place.substr(gap + 1)) + left.size();
-      wrong[s.document].replace(at, right->size(), number ? "7" : "mtdx");
+      wrong[s.document].replace(at, right->size(), !number ? "mtdx" : *right == "7" ? "8" : "7");
       CHECK(!FalseNumbers(wrong).empty());
     }
   }

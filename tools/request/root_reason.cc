@@ -5,8 +5,8 @@
 
 namespace mtdb {
 
-// Vertices at non-manifold places are all in the root; of the others the last round, which removed
-// next to nothing, says why they stayed.
+// Vertices where chains of creases end or meet are all in the root; of the others the last round,
+// which removed next to nothing, says why they stayed.
 RootReasons ReasonsOf(const ObjectRecord& record) {
   RootReasons r;
   uint64_t left = record.root_vertices;

@@ -11,7 +11,7 @@ namespace mtdb {
 
 // Of the coarsest mesh's vertices, why none of them could be removed any more.
 struct RootReasons {
-  uint64_t nonmanifold = 0;  // at edges or vertices that are not manifold
+  uint64_t nonmanifold = 0;  // where chains of non-manifold edges end or meet, or parts touch
   uint64_t topology = 0;     // the surface would change its kind: last triangles of a part, borders
   uint64_t degree = 0;       // more neighbours than a node may have
   uint64_t seams = 0;        // on seams of tiles, about

@@ -58,8 +58,8 @@ Vec3d SheetsBase::PositionAt(uint64_t column, uint64_t row) const {
   const double t = static_cast<double>(row % rows_) / static_cast<double>(rows_);
   // The grid is bent a little, so that its lines are no circles.
   const double around = s + 0.008 * Sine(3 * t);
-  const double tube = t + 0.02 * Sine(2 * s);
-  const Vec3d out{Cosine(tube) * Cosine(around), Cosine(tube) * Sine(around), Sine(tube)};
+  const double bent = t + 0.02 * Sine(2 * s);
+  const Vec3d out{Cosine(bent) * Cosine(around), Cosine(bent) * Sine(around), Sine(bent)};
   const Vec3d smooth = Vec3d{Cosine(around), Sine(around), 0} + out * kTube;
   return smooth + out * DentAt(smooth, seed_);
 }
