@@ -27,7 +27,7 @@ def test_types_are_strict(tmp_path: Path) -> None:
     )
     told = subprocess.run(
         [sys.executable, "-m", "mypy", "--strict", "--config-file", ROOT / "pyproject.toml",
-         "--cache-directory", tmp_path / "cache", ROOT / "tools/python/mtdb", example],
+         "--cache-dir", tmp_path / "cache", ROOT / "tools/python/mtdb", example],
         capture_output=True, text=True, cwd=ROOT / "tools/python",
     )
     errors = [line for line in told.stdout.splitlines() if ": error:" in line]

@@ -168,11 +168,12 @@ class Watched:
             with _interrupts.cancel(self.control):
                 work(C.byref(self.struct))
         except Exception as error:
-            raised = self.raised or error
-            if isinstance(raised, Cancelled) and not self.stopped:
+            if isinstance(self.raised or error, Cancelled) and not self.stopped:
                 # Ctrl-C came when a callback had begun, and before it could catch anything.
                 raise KeyboardInterrupt from None
-            raise raised from None
+            if self.raised is not None:
+                raise self.raised from None
+            raise  # kept in no variable: what it refers to is free at once
         finally:
             if self._bar is not None:
                 self._bar.close()
