@@ -9,6 +9,8 @@
 #include <set>
 #include <utility>
 
+#include "codecs/cluster/cluster_limits.h"
+
 namespace mtdb::testing {
 namespace {
 
@@ -158,7 +160,10 @@ class Book {
       return false;
     }
     std::vector<Corners> holes;
+    size_t corners = 0;
     for (const std::vector<uint32_t>& ring : rings) {
+      corners += ring.size();
+      if (rings.size() > 1 && corners > kMostFanCorners) return false;
       const std::optional<std::vector<Corners>> triangles = Fill(ring, made);
       if (!triangles) return false;
       holes.insert(holes.end(), triangles->begin(), triangles->end());

@@ -46,6 +46,14 @@ const Case kCases[] = {
     {"five pages",
      {.surface = Surface::kBook, .pages = 5, .attributes = true, .keep = 0.1, .seed = 17},
      23917},
+    {"fifteen pages",
+     {.surface = Surface::kBook,
+      .side = 12,
+      .pages = 15,
+      .attributes = true,
+      .keep = 0.1,
+      .seed = 18},
+     24016},
 };
 
 Result<Cluster> Decode(const ClusterFixture& fixture, const EncodedCluster& encoded,
