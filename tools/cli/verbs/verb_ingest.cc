@@ -119,9 +119,9 @@ void PrintSummary(const ObjectRecord& r, uint64_t file_bytes) {
   note(in.degenerate_triangles, "triangles with two equal vertices dropped");
   note(in.duplicate_triangles, "duplicate triangles dropped");
   note(in.unreferenced_vertices, "vertices without a triangle dropped");
-  note(in.nonmanifold_edges, "non-manifold edges, simplified along the chains that they form");
+  note(in.nonmanifold_edges, "non-manifold edges; where they form chains, these are simplified");
   note(in.nonmanifold_vertices,
-       "vertices kept, never simplified: such chains end or meet there, or parts touch");
+       "vertices kept, never simplified: such edges end or meet there, or parts touch");
   std::printf("  %.1f bits per vertex; the store has %s\n",
               8.0 * static_cast<double>(r.stored_bytes) / static_cast<double>(r.vertices),
               SizeText(file_bytes).c_str());
