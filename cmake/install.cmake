@@ -33,7 +33,7 @@ mtdb_install_targets(query mtdb_base ${mtdb_rooms_of_store} mtdb_store mtdb_codi
 mtdb_install_targets(builder ${mtdb_rooms_of_builder} mtdb_builder)
 mtdb_install_targets(raster mtdb_raster_file mtdb_gdal)
 mtdb_install_targets(client mtdb_client)
-mtdb_install_targets(show mtdb_request mtdb_viewer mtdb_server mtdb_generate mtdb_render)
+mtdb_install_targets(show mtdb_request mtdb_viewer mtdb_tiles mtdb_server mtdb_generate mtdb_render)
 mtdb_install_targets(c mtdb_c)
 install(TARGETS mtdb RUNTIME COMPONENT tools)
 if(GDAL_FOUND)

@@ -33,7 +33,6 @@ const std::map<std::pair<std::string, std::string>, std::string> kLarger{
     {{"store/object_record.h", "ObjectRecord"}, kRecord},
     {{"tools/cli/verbs/ingest_arguments.h", "IngestArguments"}, kRecord},
     {{"tools/cli/query_report.h", "QueryArguments"}, kRecord},
-    {{"tools/cli/tile_formats.h", "TileArguments"}, kRecord},
     {{"tools/client/client.h", "RemoteUpdate"}, kRecord},
     {{"tools/render/render.h", "RenderOptions"}, kRecord},
     {{"tools/request/query_options.h", "QueryOptions"}, kRecord},

@@ -11,7 +11,7 @@
 //     records <- pages <- lmdb    carriers <- pages    {records, carriers} <- packed    all <-
 //     store fields <- cache <- cut <- answer <- moving    answer <- ask    fields <- json disk <-
 //     holes <- measure <- decimate <- tiles <- {intake, write} <- rounds client <- request <-
-//     server    generate <- render    all <- cli, c
+//     tiles <- server    generate <- render    all <- cli, c
 //
 // and against the rules on who may see which library. What is private is in mtdb::internal. No room
 // is larger than its reader can hold.
@@ -82,7 +82,7 @@ const std::map<std::string, std::set<std::string>> kMayInclude{
     {"tools/tiles", {"base", "files", "store", "query", "codecs/mesh_file", "tools/request"}},
     {"tools/server",
      {"base", "files", "store", "codecs/mesh_file", "codecs/stream", "query", "tools/client",
-      "tools/request", "tools/viewer"}},
+      "tools/request", "tools/tiles", "tools/viewer"}},
     {"tools/viewer", {"codecs/stream"}},
     {"tools/gdal", {"base", "files", "codecs/mesh_file", "codecs/raster_file", "builder"}},
     {"tools/web", {"base", "store", "codecs/stream", "query", "tools/viewer"}},

@@ -9,8 +9,6 @@
 
 #include "tools/tiles/places/tile_placement.h"
 #include "tools/tiles/quantized/quantized_mesh.h"
-#include "tools/tiles/terrain_rgb/terrain_rgb.h"
-#include "tools/tiles/three_d/three_d_tiles.h"
 
 namespace mtdb {
 
@@ -72,18 +70,6 @@ std::vector<NeuroglancerSegment> NumberedSegments(std::vector<ObjectRecord> reco
   return segments;
 }
 
-Result<std::unique_ptr<TileFormat>> TerrainRgbOf(const TileArguments& arguments,
-                                                 const ObjectRecord& record, Json* identity) {
-  TerrainRgbOptions options;
-  if (arguments.encoding == "mapbox") options.coding = kMapbox;
-  options.side = arguments.tile_pixels.value_or(options.side);
-  options.max_level = arguments.max_level;
-  *identity = {{"encoding", options.coding.name},
-               {"tile_pixels", options.side},
-               {"max_level", options.max_level ? Json(*options.max_level) : Json()}};
-  return MakeTerrainRgb(record, options);
-}
-
 }  // namespace
 
 Status CheckTileArguments(const TileArguments& a) {
@@ -115,25 +101,6 @@ Status CheckTileArguments(const TileArguments& a) {
     return InvalidArgument("--ids: names objects itself; leave --name out");
   }
   return Status::Ok();
-}
-
-Result<std::unique_ptr<TileFormat>> TileFormatOf(const TileArguments& arguments,
-                                                 const ObjectRecord& record, Json* identity) {
-  if (arguments.format == "terrain-rgb") return TerrainRgbOf(arguments, record, identity);
-  if (arguments.format == "quantized-mesh") {
-    *identity = {{"mercator", arguments.mercator},
-                 {"max_level", arguments.max_level ? Json(*arguments.max_level) : Json()}};
-    return MakeQuantizedMesh(record, {arguments.mercator, arguments.max_level});
-  }
-  ThreeDTilesOptions options;
-  options.at = arguments.at;
-  options.pixels = arguments.pixels.value_or(options.pixels);
-  options.tile_triangles = arguments.tile_triangles.value_or(options.tile_triangles);
-  *identity = {{"pixels", options.pixels}, {"tile_triangles", options.tile_triangles}};
-  if (const auto& at = options.at) {
-    (*identity)["at"] = {at->longitude, at->latitude, at->height};
-  }
-  return MakeThreeDTiles(record, options);
 }
 
 NeuroglancerSetOptions NeuroglancerSetOf(const TileArguments& arguments) {

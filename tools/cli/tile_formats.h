@@ -2,9 +2,7 @@
 // What `mtdb tile` is told, and the kinds of tiles that it makes of it.
 #pragma once
 
-#include <array>
 #include <cstdint>
-#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -12,24 +10,16 @@
 #include "store/database.h"
 #include "store/object_record.h"
 #include "tools/tiles/neuroglancer/write_neuroglancer.h"
-#include "tools/tiles/places/geodesy.h"
-#include "tools/tiles/tile_format.h"
+#include "tools/tiles/tile_choice.h"
 
 namespace mtdb {
 
-struct TileArguments {
+// The kind of tiles, and what else is asked for.
+struct TileArguments : TileChoice {
   std::string store;
   OpenOptions open;
   std::string output;  // a folder, or an archive
   std::string name;
-  std::string format = "3dtiles";
-  std::optional<GlobePlace> at;                   // 3dtiles
-  std::optional<double> pixels;                   // 3dtiles, neuroglancer
-  std::optional<uint64_t> tile_triangles;         // 3dtiles, neuroglancer
-  bool mercator = false;                          // quantized-mesh
-  std::optional<uint32_t> max_level;              // quantized-mesh, terrain-rgb
-  std::optional<std::string> encoding;            // terrain-rgb
-  std::optional<uint32_t> tile_pixels;            // terrain-rgb
   std::optional<std::string> ids;                 // neuroglancer: a list, or "all"
   std::optional<std::vector<double>> resolution;  // neuroglancer: three numbers
   std::optional<int> bits;                        // neuroglancer
@@ -42,10 +32,6 @@ struct TileArguments {
 
 // An option that is for another kind of tiles, or a name that is: kInvalidArgument.
 Status CheckTileArguments(const TileArguments& arguments);
-
-// Not of neuroglancer. `*identity`: what the tiles follow from, beside the object.
-Result<std::unique_ptr<TileFormat>> TileFormatOf(const TileArguments& arguments,
-                                                 const ObjectRecord& record, Json* identity);
 
 NeuroglancerSetOptions NeuroglancerSetOf(const TileArguments& arguments);
 // The segments that --ids names, or the object of --name, by their ids. A name that is a number is

@@ -35,6 +35,7 @@ struct ServiceOptions {
   uint64_t session_triangles = 1'000'000;      // of the mesh of a session's client
   uint64_t session_memory_bytes = uint64_t{2} << 30;  // of all sessions
   uint64_t temporary_bytes = uint64_t{4} << 30;       // of all answers under way
+  uint64_t tile_space_bytes = uint64_t{4} << 30;      // of temporary files that tiles are made of
 };
 
 struct ServerOptions {
@@ -45,7 +46,8 @@ struct ServerOptions {
   unsigned max_sessions = 64;          // likewise
   double idle_seconds = 30;            // for a request to arrive, or between two bytes of an answer
   double session_idle_seconds = 300;   // of a session's client that answers no ping
-  std::string allowed_origin;          // of web pages that may open sessions; "*": any
+  // Of web pages that may open sessions and read tiles; "*": any.
+  std::string allowed_origin;
   // Names that clients may call the server by, beside addresses and localhost; "*": any.
   std::vector<std::string> allowed_hosts;
   double timeout_seconds = 600;  // from a request's last byte to its answer's last

@@ -30,6 +30,11 @@ struct TileLevel {
   uint64_t bytes = 0;              // likewise
 };
 
+// A tile by its level, from 0 on in the order in which levels were planned, and its number there.
+struct TileId {
+  uint32_t level = 0, tile = 0;
+};
+
 // What a tile's file is.
 struct TileFile {
   std::string path;  // in the folder of the tree
@@ -38,7 +43,8 @@ struct TileFile {
 };
 
 // Levels are made one after the other, coarse to fine: NextLevel(), then of the level's mesh
-// Plan(), TilesOf() for each triangle, and Encode() for each tile. All but Encode() by one thread.
+// Plan(), TilesOf() and Note() for each triangle, and Encode() for each tile, or later, for those
+// that somebody asks for. All but Encode() by one thread, and nothing else beside it.
 //
 // All tiles of a level are parts of one conforming mesh, and Encode() puts a vertex at the same
 // place in all of them: so tiles of a level meet without cracks.
@@ -57,9 +63,13 @@ class TileFormat {
                                                const ExtractStats& stats) = 0;
   // The tiles that the triangle, or a part of it, belongs to.
   virtual void TilesOf(const Triangle3d& corners, std::vector<uint32_t>* tiles) const = 0;
-  // Any thread; one at a time for one tile.
-  virtual Result<TileFile> Encode(uint32_t tile, std::span<const LevelTriangle> triangles,
+  // The tile of the level that was planned last has this triangle, too.
+  virtual void Note(uint32_t /*tile*/, const Triangle3d& /*corners*/) {}
+  // Of any level that this object has planned. Any thread; one at a time for one tile.
+  virtual Result<TileFile> Encode(TileId id, std::span<const LevelTriangle> triangles,
                                   const LevelMesh& mesh) = 0;
+  // The tile whose file it is; none: no tile's, or this kind's files are not asked for by name.
+  virtual std::optional<TileId> Find(std::string_view /*path*/) const { return std::nullopt; }
   // Whether tiles have vertices whose normals are wanted.
   virtual bool has_normals() const { return true; }
   // The level is written. Its record, but for what the writer counts.

@@ -13,14 +13,12 @@
 
 #include "store/base/out_of_memory.h"
 #include "tools/tiles/json_reading.h"
-#include "tools/tiles/level/tile_buckets.h"
 #include "tools/tiles/tile_folder.h"
+#include "tools/tiles/tile_level.h"
 
 namespace mtdb {
 
 namespace {
-
-constexpr size_t kBucketBytes = 32;  // of a triangle while it is sorted
 
 // One tree, level after level.
 class TileWriter {
@@ -76,53 +74,26 @@ class TileWriter {
   }
 
   Status WriteLevel(const Query& query) {
-    MTDB_RETURN_IF_ERROR(Tell(0, "cut"));
-    LevelMesh mesh(options_.tmp_directory, [this](Vec3d p) { return format_.Place(p); });
-    MTDB_ASSIGN_OR_RETURN(const ExtractStats stats, surface_.Extract(query, mesh));
-    MTDB_ASSIGN_OR_RETURN(const std::optional<uint32_t> tiles, format_.Plan(mesh, stats));
-    if (!tiles) return Status::Ok();
-    MTDB_RETURN_IF_ERROR(Tell(mesh.triangle_count() / 2, "sort"));
-    TileBuckets buckets(options_.tmp_directory, options_.memory_bytes / 2 / kBucketBytes);
-    MTDB_RETURN_IF_ERROR(Sort(mesh, &buckets));
+    PrepareOptions prepare;
+    prepare.tmp_directory = options_.tmp_directory;
+    prepare.memory_bytes = options_.memory_bytes / 2;
+    prepare.tell = [this](const char* what, uint64_t triangles) { return Tell(triangles, what); };
+    MTDB_ASSIGN_OR_RETURN(const std::unique_ptr<PreparedLevel> prepared,
+                          PreparedLevel::Make(surface_, format_, query, prepare));
+    if (prepared == nullptr) return Status::Ok();
     TileLevel level;
-    MTDB_RETURN_IF_ERROR(EncodeTiles(mesh, buckets, *tiles, &level));
+    MTDB_RETURN_IF_ERROR(EncodeTiles(*prepared, &level));
     const TileLevel told = format_.EndLevel();
     level.error_bound = told.error_bound;
-    level.triangles = mesh.triangle_count();
+    level.triangles = prepared->mesh().triangle_count();
     done_ += 2 * level.triangles;
     report_.levels.push_back(level);
     return Record();
   }
 
-  // Triangles go to their tiles, and their normals, as long as they are large, to their vertices.
-  Status Sort(const LevelMesh& mesh, TileBuckets* buckets) {
-    const bool adds_normals = format_.has_normals() && !mesh.has_normals();
-    std::vector<uint32_t> tiles;
-    const Status visited = mesh.Visit([&](std::span<const LevelTriangle> triangles) {
-      for (const LevelTriangle& t : triangles) {
-        const Triangle3d corners = mesh.Corners(t);
-        format_.TilesOf(corners, &tiles);
-        for (const uint32_t tile : tiles) MTDB_RETURN_IF_ERROR(buckets->Add(tile, t));
-        if (adds_normals) AddNormal(mesh, t, corners);
-      }
-      return Status::Ok();
-    });
-    MTDB_RETURN_IF_ERROR(visited);
-    return buckets->Finish();
-  }
-
-  void AddNormal(const LevelMesh& mesh, const LevelTriangle& t, const Triangle3d& corners) const {
-    const Vec3d metres = format_.MetresAt(corners[0]);
-    const auto scaled = [&](Vec3d v) {
-      return Vec3d{v.x * metres.x, v.y * metres.y, v.z * metres.z};
-    };
-    const Vec3d n = Cross(scaled(corners[1] - corners[0]), scaled(corners[2] - corners[0]));
-    const Vec3f f{static_cast<float>(n.x), static_cast<float>(n.y), static_cast<float>(n.z)};
-    for (const uint32_t v : t) mesh.vertex(v).normal += f;
-  }
-
-  Status EncodeTiles(const LevelMesh& mesh, const TileBuckets& buckets, uint32_t tiles,
-                     TileLevel* level) {
+  Status EncodeTiles(const PreparedLevel& prepared, TileLevel* level) {
+    const LevelMesh& mesh = prepared.mesh();
+    const uint32_t tiles = prepared.tiles();
     std::atomic<uint32_t> next{0};
     std::mutex mutex;
     std::condition_variable changed;
@@ -133,7 +104,7 @@ class TileWriter {
       for (uint32_t tile = next++; tile < tiles; tile = next++) {
         uint64_t bytes = 0, written = 0;
         const Status status = CatchOutOfMemory(
-            [&] { return EncodeTile(mesh, buckets, tile, &triangles, &bytes, &written); });
+            [&] { return EncodeTile(prepared, tile, &triangles, &bytes, &written); });
         const std::lock_guard lock(mutex);
         level->tiles += bytes > 0 ? 1 : 0;
         level->bytes += bytes;
@@ -181,10 +152,10 @@ class TileWriter {
     return failure;
   }
 
-  Status EncodeTile(const LevelMesh& mesh, const TileBuckets& buckets, uint32_t tile,
+  Status EncodeTile(const PreparedLevel& prepared, uint32_t tile,
                     std::vector<LevelTriangle>* triangles, uint64_t* bytes, uint64_t* written) {
-    MTDB_RETURN_IF_ERROR(buckets.Read(tile, triangles));
-    MTDB_ASSIGN_OR_RETURN(const TileFile file, format_.Encode(tile, *triangles, mesh));
+    const TileId id{static_cast<uint32_t>(report_.levels.size()), tile};
+    MTDB_ASSIGN_OR_RETURN(const TileFile file, prepared.Encode(format_, id, triangles));
     if (file.bytes.empty()) return Status::Ok();
     MTDB_RETURN_IF_ERROR(folder_.Write(file.path, file.bytes));
     *bytes = file.bytes.size();

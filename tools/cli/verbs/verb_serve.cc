@@ -40,8 +40,9 @@ void AddServeTimes(VerbOptions* verb, ServerOptions* o) {
             "when told to stop, let running requests finish for so long")
       .Default("5");
   verb->Add("--allowed-origin", o->allowed_origin,
-            "let web pages of this origin open sessions, e.g. http://localhost:3000; * is "
-            "any (default: those that come from the server's own address only)")
+            "let web pages of this origin open sessions and read tiles, e.g. "
+            "http://localhost:3000; * is any (default: those that come from the server's own "
+            "address only)")
       .Form("ORIGIN");
   verb->Add("--allowed-host", o->allowed_hosts,
             "let clients call the server by this name, e.g. scans.example.org; * is any "
@@ -82,6 +83,10 @@ RunVerb AddServe(VerbOptions* verb) {
   AddParsed(verb, "--max-tmp", "SIZE", &o->service.temporary_bytes, ParseSize,
             "let all answers under way take so much of temporary files; then the largest give way")
       .Default("4G");
+  AddParsed(verb, "--tile-space", "SIZE", &o->service.tile_space_bytes, ParseSize,
+            "let what tiles are made of take so much of temporary files; then the objects that "
+            "were asked for longest ago give way. An object takes some 80 bytes a triangle")
+      .Default("4G");
   AddServeTimes(verb, o.get());
   AddCacheDirectory(verb, &o->service.open);
   return [o](Invocation&) { return ServeAndTell(*o, "", [](const std::string&) {}); };
@@ -96,7 +101,10 @@ const Verb kServeVerb{
     "          curl http://127.0.0.1:8080/objects\n"
     "          curl 'http://127.0.0.1:8080/objects/statue/mesh?error=0.5&format=glb' "
     "-o statue.glb\n"
-    "More: docs/protocol.md",
+    "Tiles:    /objects/NAME/3dtiles/tileset.json, .../quantized-mesh/layer.json,\n"
+    "          .../terrain-rgb/tiles.json; options of mtdb tile stand in the path:\n"
+    "          /objects/statue/3dtiles/at=11.57,48.14,520&pixels=4/tileset.json\n"
+    "More: docs/protocol.md, docs/tiles.md",
     AddServe};
 
 }  // namespace mtdb

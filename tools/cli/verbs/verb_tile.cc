@@ -26,20 +26,6 @@ namespace {
 
 constexpr uint64_t kLeastMemory = uint64_t{256} << 20;
 
-Result<GlobePlace> ParseGlobePlace(const std::string& text) {
-  MTDB_ASSIGN_OR_RETURN(const std::vector<double> n, ParseNumbers(text, 3, "LON,LAT,HEIGHT"));
-  if (std::abs(n[0]) > 360 || std::abs(n[1]) > 90) {
-    return Unexpected(text, "LON,LAT,HEIGHT in degrees and metres, LAT from -90 to 90");
-  }
-  return GlobePlace{n[0], n[1], n[2]};
-}
-
-Result<uint64_t> ParseTileTriangles(const std::string& text) {
-  const auto count = ParseCount(text);
-  if (!count.ok() || (*count >= 100 && *count <= 10'000'000)) return count;
-  return Unexpected(text, "a number from 100 to 10000000");
-}
-
 Result<std::vector<double>> ParseResolution(const std::string& text) {
   auto numbers = ParseNumbers(text, 3, "X,Y,Z");
   const auto is_length = [](double v) { return v > 0 && v <= 1e15; };
@@ -109,7 +95,7 @@ Result<TileSetReport> TileObject(TileRun* run, const Surface& surface) {
   const std::string& output = run->arguments.output;
   TileSetOptions& options = run->options;
   MTDB_ASSIGN_OR_RETURN(const std::unique_ptr<TileFormat> format,
-                        TileFormatOf(run->arguments, surface.record(), &options.identity));
+                        MakeTileFormat(run->arguments, surface.record(), &options.identity));
   if (!IsTileArchive(output)) return WriteTileSet(surface, output, *format, options);
   MTDB_RETURN_IF_ERROR(CheckTileArchive(output, options.force));
   const std::string folder = output + kArchiveParts;
@@ -173,7 +159,7 @@ void AddFormatOptions(VerbOptions* verb, TileArguments* a) {
   verb->Add("--max-level", a->max_level,
             "quantized-mesh, terrain-rgb: levels 0 to N (default: as fine as the raster)")
       .Form("N")
-      .Between(0, 22);
+      .Between(0, int64_t{kMostTileLevel});
   verb->Add("--encoding", a->encoding,
             "terrain-rgb: what colours stand for, terrarium or mapbox (default: terrarium)")
       .Form("NAME")

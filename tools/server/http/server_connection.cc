@@ -235,7 +235,8 @@ class Connection final : public ServerPeer, public std::enable_shared_from_this<
     request_ = std::make_shared<ServerRequest>(
         ServerRequest{std::string(message.method_string()), std::string(message.target()),
                       std::move(message.body()), std::string(message[http::field::range]),
-                      std::string(message[http::field::if_range])});
+                      std::string(message[http::field::if_range]),
+                      std::string(message[http::field::if_none_match])});
     effort_ = loop_.service.EffortOf(request_->target);
     if (effort_ == ServerService::Effort::kNone) {
       ServerCall call;
@@ -372,9 +373,15 @@ class Connection final : public ServerPeer, public std::enable_shared_from_this<
     const uint64_t size = answer_.file.is_open() ? answer_.file.size_bytes() : answer_.body.size();
     chunk_ = "HTTP/1.1 " + std::to_string(answer_.status) + " " +
              std::string(http::obsolete_reason(http::int_to_status(answer_.status))) +
-             "\r\nDate: " + HttpDate() +
-             "\r\nServer: mtdb\r\nContent-Type: " + answer_.content_type +
-             "\r\nContent-Length: " + std::to_string(size) + "\r\n";
+             "\r\nDate: " + HttpDate() + "\r\nServer: mtdb\r\n";
+    const bool has_content = answer_.status != 204 && answer_.status != 304;
+    if (has_content) {
+      chunk_ += "Content-Type: " + answer_.content_type +
+                "\r\nContent-Length: " + std::to_string(size) + "\r\n";
+    }
+    if (answer_.for_pages && !loop_.options.allowed_origin.empty()) {
+      chunk_ += "Access-Control-Allow-Origin: " + loop_.options.allowed_origin + "\r\n";
+    }
     for (const auto& [name, value] : answer_.headers) chunk_ += name + ": " + value + "\r\n";
     chunk_ += keep_alive_ ? "Connection: keep-alive\r\n\r\n" : "Connection: close\r\n\r\n";
     if (!head_ && !answer_.file.is_open()) chunk_ += answer_.body;

@@ -155,13 +155,32 @@ Status FillPacked(const PackedImage& image, ByteRange range, const std::string& 
   return Status::Ok();
 }
 
+// Likewise, what is in memory already.
+Status FillTile(ByteSpan bytes, const std::string& folder, ServerCall& call, ServerAnswer* answer) {
+  constexpr size_t kLargestBody = size_t{1} << 20;
+  if (bytes.size() <= kLargestBody) {
+    answer->body = AsString(bytes);
+    return Status::Ok();
+  }
+  MTDB_ASSIGN_OR_RETURN(answer->file, AnonymousFile::Create(folder));
+  if (!call.temporary->Set(bytes.size())) {
+    call.Cancel(ServerCall::Stop::kNoRoom);
+    return {StatusCode::kCancelled, "cancelled"};
+  }
+  if (WriteFully(answer->file.descriptor(), 0, bytes.data(), bytes.size())) return Status::Ok();
+  return errno == ENOSPC ? Status(StatusCode::kNoSpace, "no space for a temporary file")
+                         : Status(StatusCode::kIoError, "a temporary file cannot be written");
+}
+
 ServerError NoMemory() { return {503, "no_space", "the server is out of memory; try again later"}; }
 
 ServerAnswer NoSuchPath() {
   return ErrorAnswer(
       404, "no_such_path",
       "there are /, /objects, /objects/NAME, /objects/NAME/mesh, /objects/NAME/packed, "
-      "/objects/NAME/probe, /objects/NAME/session, /healthz and /metrics");
+      "/objects/NAME/probe, /objects/NAME/session, /objects/NAME/3dtiles/tileset.json, "
+      "/objects/NAME/quantized-mesh/layer.json, /objects/NAME/terrain-rgb/tiles.json, /healthz and "
+      "/metrics");
 }
 
 }  // namespace
@@ -262,6 +281,7 @@ std::shared_ptr<Database> ServerService::CurrentDatabase() {
 ServerService::Effort ServerService::EffortOf(const std::string& text) const {
   const Result<RequestTarget> target = ParseTarget(text);
   if (!target.ok() || target->path[0] != "objects") return Effort::kNone;
+  if (IsTileTarget(*target)) return Effort::kQuery;
   const bool packed = target->path.size() == 3 && target->path[2] == "packed";
   if (packed && is_remote_) return Effort::kUpstream;
   return target->path.size() == 3 && target->path[2] != "packed" ? Effort::kQuery
@@ -291,6 +311,7 @@ ServerAnswer ServerService::Route(const ServerRequest& request, ServerCall& call
     answer.headers.emplace_back("Upgrade", "websocket");
     return answer;
   }
+  if (IsTileTarget(*target)) return TileAnswer(*target, request, call);
   const bool mesh = objects && path.size() == 3 && path[2] == "mesh";
   const bool probe = objects && path.size() == 3 && path[2] == "probe";
   const bool packed = objects && path.size() == 3 && path[2] == "packed";
@@ -434,6 +455,68 @@ Result<ServerAnswer> ServerService::Packed(const RequestTarget& target,
                              std::to_string(part.range.offset + part.range.bytes - 1) + "/" + size);
   }
   MTDB_RETURN_IF_ERROR(FillPacked(*image, part.range, folder_, call, &answer));
+  return answer;
+}
+
+ServerAnswer ServerService::TileAnswer(const RequestTarget& target, const ServerRequest& request,
+                                       ServerCall& call) {
+  ServerAnswer answer;
+  if (request.method == "OPTIONS") {  // what a browser asks before it asks for more than GET
+    answer.status = 204;
+    answer.headers = {{"Access-Control-Allow-Methods", "GET, HEAD"},
+                      {"Access-Control-Allow-Headers", "*"},
+                      {"Access-Control-Max-Age", "600"}};
+  } else if (request.method != "GET" && request.method != "HEAD") {
+    answer = ErrorAnswer(405, "method_not_allowed", "expected GET or HEAD");
+    answer.headers.emplace_back("Allow", "GET, HEAD, OPTIONS");
+  } else {
+    Result<ServerAnswer> tile = Tile(target, request, call);
+    const bool opened = call.control.clusters_loaded() > 0;
+    answer = tile.ok() ? *std::move(tile)
+                       : ErrorAnswer(Failure(tile.status(), target.path[1], call, opened));
+  }
+  answer.for_pages = true;
+  return answer;
+}
+
+Result<ServerAnswer> ServerService::Tile(const RequestTarget& target, const ServerRequest& request,
+                                         ServerCall& call) {
+  if (call.control.cancelled()) return Status(StatusCode::kCancelled, "cancelled");
+  MTDB_ASSIGN_OR_RETURN(const TileTarget tile, ParseTileTarget(target));
+  const std::string& name = target.path[1];
+  MTDB_ASSIGN_OR_RETURN(const ObjectRecord record, CurrentDatabase()->Find(name));
+  Json identity;
+  MTDB_ASSIGN_OR_RETURN(std::unique_ptr<TileFormat> format,
+                        MakeTileFormat(tile.choice, record, &identity));
+  const std::string tree =
+      record.digest_hex() + ' ' + tile.choice.format + ' ' + identity.Text() + ' ' + name;
+  const std::string tag = TileTag(record, tree, tile.file);
+  // What a URL with the object's version gives never changes.
+  ServerAnswer answer;
+  answer.headers = {
+      {"ETag", tag},
+      {"Cache-Control",
+       tile.version == record.digest_hex() ? "private, max-age=31536000, immutable" : "no-cache"}};
+  if (HasTag(request.if_none_match, tag)) {
+    answer.status = 304;
+    return answer;
+  }
+  const auto make = [&]() -> Result<std::unique_ptr<TileProvider>> {
+    MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Surface> surface, OpenSurface(name));
+    if (!IsSameObject(surface->record(), record)) return NotFound("replaced meanwhile");
+    ++metrics_.queries;
+    return TileProvider::Make(*surface, std::move(format), {folder_, &call.control});
+  };
+  MTDB_ASSIGN_OR_RETURN(const ServedTiles::Provider provider,
+                        tiles_.Open(tree, TileProviderBytes(record.triangles), make));
+  MTDB_ASSIGN_OR_RETURN(const std::optional<Bytes> bytes, provider->Read(tile.file));
+  if (!bytes) {
+    return ErrorAnswer(404, "no_such_tile",
+                       "the " + tile.choice.format + " tiles of '" + name + "' have no file '" +
+                           tile.file + "'; " + FirstFileOf(tile.choice) + " names those there are");
+  }
+  answer.content_type = TileContentType(tile.file);
+  MTDB_RETURN_IF_ERROR(FillTile(*bytes, folder_, call, &answer));
   return answer;
 }
 

@@ -25,6 +25,7 @@
 #include "tools/server/internal/server_metrics.h"
 #include "tools/server/internal/server_packed.h"
 #include "tools/server/internal/server_session.h"
+#include "tools/server/internal/server_tiles.h"
 #include "tools/server/server.h"
 
 namespace mtdb::internal {
@@ -33,7 +34,7 @@ struct ServerRequest {
   std::string method;  // "GET"
   std::string target;
   std::string body;
-  std::string range, if_range;  // the headers
+  std::string range, if_range, if_none_match;  // the headers
 };
 
 struct ServerAnswer {
@@ -43,6 +44,8 @@ struct ServerAnswer {
   std::string body;        // or
   AnonymousFile file;      // when it is open
   uint64_t triangles = 0;  // in it
+  // Web pages of the server's allowed origin may read it, where others may not.
+  bool for_pages = false;
 };
 struct ServerError {
   static constexpr unsigned kPreempted = 0;  // as a status: to be asked again
@@ -136,6 +139,7 @@ class ServerService {
   explicit ServerService(const ServiceOptions& options)
       : options_(options),
         images_(options.objects),
+        tiles_(options.tile_space_bytes),
         temporary_(options.temporary_bytes),
         session_memory_(options.session_memory_bytes) {}
   ServerAnswer Route(const ServerRequest& request, ServerCall& call);
@@ -146,6 +150,10 @@ class ServerService {
                              ServerCall& call);
   Result<ServerAnswer> Packed(const RequestTarget& target, const ServerRequest& request,
                               ServerCall& call);
+  ServerAnswer TileAnswer(const RequestTarget& target, const ServerRequest& request,
+                          ServerCall& call);
+  Result<ServerAnswer> Tile(const RequestTarget& target, const ServerRequest& request,
+                            ServerCall& call);
   ServerAnswer Metrics();
   ServerError Failure(const Status& status, const std::string& name, const ServerCall& call,
                       bool opened);
@@ -170,6 +178,7 @@ class ServerService {
   std::shared_ptr<Database> database_;    // guarded by database_mutex_
   std::string folder_;                    // of temporary files
   PackedImages images_;
+  ServedTiles tiles_;
   ServerLedger temporary_;
   ServerLedger session_memory_;
   ServerMetrics metrics_;

@@ -35,6 +35,7 @@ class MappedFile {
   // Of so many bytes, all 0, for which the disk has room. kNoSpace, kIoError.
   Status Make(const std::string& folder, uint64_t size_bytes);
   void* data() const { return data_; }
+  uint64_t size_bytes() const { return size_bytes_; }
   // Takes its pages out of this process's memory; what they hold is kept.
   void Release() const;
 
@@ -59,6 +60,7 @@ class LevelMesh final : public MeshSink {
   bool has_colours() const { return colours_.count > 0; }
   bool has_normals() const { return normals_.found; }  // the object's own
   uint64_t triangle_count() const { return triangles_; }
+  uint64_t file_bytes() const { return vertex_file_.size_bytes() + triangle_file_.size_bytes(); }
   LevelVertex& vertex(uint32_t i) const {
     return static_cast<LevelVertex*>(vertex_file_.data())[i];
   }

@@ -25,6 +25,7 @@ class TileBuckets {
   // A tile's triangles in the order in which they were added.
   Status Read(uint32_t tile, std::vector<LevelTriangle>* triangles) const;
   uint64_t Count(uint32_t tile) const;
+  uint64_t file_bytes() const { return written_ * sizeof(LevelTriangle); }
 
  private:
   struct Item {

@@ -184,11 +184,12 @@ class NeuroglancerLevels final : public TileFormat {
                [&](const FragmentCell& cell) { tiles->push_back(numbers_.at(KeyOf(cell))); });
   }
 
-  Result<TileFile> Encode(uint32_t tile, std::span<const LevelTriangle> triangles,
+  Result<TileFile> Encode(TileId id, std::span<const LevelTriangle> triangles,
                           const LevelMesh& mesh) override {
-    CellRecord& at = levels_.back().cells[tile];
-    FragmentMaker maker(at.cell, CellsAt(level_), options_.bits, level_ > 0);
-    const double scale = std::ldexp(1.0, -static_cast<int>(level_));
+    CellRecord& at = levels_[id.level].cells[id.tile];
+    const uint32_t level = most_level_ - id.level;
+    FragmentMaker maker(at.cell, CellsAt(level), options_.bits, level > 0);
+    const double scale = std::ldexp(1.0, -static_cast<int>(level));
     for (const LevelTriangle& t : triangles) {
       ClipPolygon polygon;
       for (const uint32_t v : t) polygon.Add({mesh.vertex(v).position * scale, {}});
@@ -196,7 +197,7 @@ class NeuroglancerLevels final : public TileFormat {
     }
     TileFile file;
     if (maker.fragment().triangles.empty()) return file;
-    file.path = FragmentPath(level_, at.cell);
+    file.path = FragmentPath(level, at.cell);
     file.triangles = maker.fragment().triangles.size();
     MTDB_ASSIGN_OR_RETURN(file.bytes, EncodeDracoFragment(maker.fragment()));
     at.bytes = static_cast<uint32_t>(file.bytes.size());

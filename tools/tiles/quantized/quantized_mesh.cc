@@ -12,6 +12,7 @@
 #include "tools/tiles/json_reading.h"
 #include "tools/tiles/places/geodesy.h"
 #include "tools/tiles/places/globe_grid.h"
+#include "tools/tiles/places/grid_range.h"
 #include "tools/tiles/places/terrain_clip.h"
 #include "tools/tiles/places/tile_placement.h"
 #include "tools/tiles/quantized/quantized_tile.h"
@@ -68,48 +69,53 @@ class QuantizedMesh final : public TileFormat {
   }
 
   Result<std::optional<uint32_t>> Plan(const LevelMesh& mesh, const ExtractStats& stats) override {
-    level_ = static_cast<uint32_t>(bounds_.size());
-    const auto [columns, rows] = grid_.counts(level_);
-    range_ = {grid_.Column(level_, data_.west), grid_.Row(level_, data_.south),
-              grid_.Column(level_, data_.east), grid_.Row(level_, data_.north)};
-    if (level_ == 0) range_ = {0, 0, columns - 1, rows - 1};  // clients ask for all of them
-    parts_ = PartsOf(level_);
-    MTDB_RETURN_IF_ERROR(FindHeights(mesh));
+    const auto number = static_cast<uint32_t>(bounds_.size());
+    const auto [columns, rows] = grid_.counts(number);
+    Level level;
+    level.range = {grid_.Column(number, data_.west), grid_.Row(number, data_.south),
+                   grid_.Column(number, data_.east), grid_.Row(number, data_.north)};
+    if (number == 0) level.range = {0, 0, columns - 1, rows - 1};  // clients ask for all of them
+    level.parts = PartsOf(number);
+    levels_.push_back(std::move(level));
+    double steepest = 0;
+    MTDB_RETURN_IF_ERROR(FindHeights(mesh, &steepest));
     bounds_.push_back(
-        stats.error_bound * metres_ + BendOf(level_, parts_) + height_step_ / 2 +
-        ErrorOfUnits(record_.bounds, metres_, grid_.side(level_) / kTileUnits, steepest_));
-    ranges_.push_back(range_);
-    return std::optional<uint32_t>(
-        static_cast<uint32_t>(width() * (uint64_t{range_[3]} - range_[1] + 1)));
+        stats.error_bound * metres_ + BendOf(number, levels_.back().parts) +
+        levels_.back().height_step / 2 +
+        ErrorOfUnits(record_.bounds, metres_, grid_.side(number) / kTileUnits, steepest));
+    return std::optional<uint32_t>(static_cast<uint32_t>(levels_.back().range.count()));
   }
 
   void TilesOf(const Triangle3d& c, std::vector<uint32_t>* tiles) const override {
     tiles->clear();
     Box3d box;
     for (const Vec3d& p : c) box.Add(p);
-    const uint32_t x0 = grid_.Column(level_, box.min.x), x1 = grid_.Column(level_, box.max.x);
-    const uint32_t y0 = grid_.Row(level_, box.min.y), y1 = grid_.Row(level_, box.max.y);
+    const auto level = static_cast<uint32_t>(levels_.size()) - 1;
+    const uint32_t x0 = grid_.Column(level, box.min.x), x1 = grid_.Column(level, box.max.x);
+    const uint32_t y0 = grid_.Row(level, box.min.y), y1 = grid_.Row(level, box.max.y);
     const bool is_large = (x1 - x0 + size_t{1}) * (y1 - y0 + size_t{1}) > kFewTiles;
     for (uint32_t y = y0; y <= y1; ++y) {
       for (uint32_t x = x0; x <= x1; ++x) {
         if (is_large) {
-          const GlobeRectangle r = grid_.Rectangle(level_, x, y);
+          const GlobeRectangle r = grid_.Rectangle(level, x, y);
           const Box3d tile{{r.west, r.south, box.min.z - 1}, {r.east, r.north, box.max.z + 1}};
           if (!TriangleMeetsBox(c, tile)) continue;
         }
-        tiles->push_back((y - range_[1]) * width() + x - range_[0]);
+        tiles->push_back(levels_.back().range.NumberOf(x, y));
       }
     }
   }
 
-  Result<TileFile> Encode(uint32_t tile, std::span<const LevelTriangle> triangles,
+  Result<TileFile> Encode(TileId id, std::span<const LevelTriangle> triangles,
                           const LevelMesh& mesh) override {
-    const uint32_t x = range_[0] + tile % width(), y = range_[1] + tile / width();
-    const GlobeRectangle rectangle = grid_.Rectangle(level_, x, y);
-    const auto [low, high] = HeightsOf(tile);
-    QuantizedTile quantized(rectangle, std::floor(low / height_step_) * height_step_, height_step_);
-    const std::vector<double> meridians = Lines(rectangle.west, rectangle.east);
-    const std::vector<double> parallels = Lines(rectangle.south, rectangle.north);
+    const Level& level = levels_[id.level];
+    const auto [x, y] = level.range.PlaceOf(id.tile);
+    const GlobeRectangle rectangle = grid_.Rectangle(id.level, x, y);
+    const auto [low, high] = HeightsOf(id);
+    const double step = level.height_step;
+    QuantizedTile quantized(rectangle, std::floor(low / step) * step, step);
+    const std::vector<double> meridians = Lines(rectangle.west, rectangle.east, level.parts);
+    const std::vector<double> parallels = Lines(rectangle.south, rectangle.north, level.parts);
     for (const LevelTriangle& t : triangles) {
       ClipPolygon polygon;
       for (const uint32_t v : t) polygon.Add(VertexOf(mesh.vertex(v)));
@@ -117,11 +123,18 @@ class QuantizedMesh final : public TileFormat {
     }
     AddGround(rectangle, meridians, parallels, &quantized);
     TileFile file;
-    file.path =
-        std::to_string(level_) + "/" + std::to_string(x) + "/" + std::to_string(y) + ".terrain";
+    file.path = GridPath(id.level, x, y, ".terrain");
     file.triangles = quantized.triangle_count();
     file.bytes = quantized.Encode();
     return file;
+  }
+
+  std::optional<TileId> Find(std::string_view path) const override {
+    const auto place = GridPlaceOf(path, ".terrain");
+    if (!place || (*place)[0] >= levels_.size()) return std::nullopt;
+    const GridRange& range = levels_[(*place)[0]].range;
+    if (!range.Contains((*place)[1], (*place)[2])) return std::nullopt;
+    return TileId{(*place)[0], range.NumberOf((*place)[1], (*place)[2])};
   }
 
   TileLevel EndLevel() override {
@@ -132,9 +145,12 @@ class QuantizedMesh final : public TileFormat {
 
   Result<std::vector<std::pair<std::string, std::string>>> Finish() override {
     Json available(Json::Array{});
-    for (const auto& r : ranges_) {
-      available.push_back(Json(
-          Json::Array{Json{{"startX", r[0]}, {"startY", r[1]}, {"endX", r[2]}, {"endY", r[3]}}}));
+    for (const Level& level : levels_) {
+      const GridRange& r = level.range;
+      available.push_back(Json(Json::Array{Json{{"startX", r.first_column},
+                                                {"startY", r.first_row},
+                                                {"endX", r.last_column},
+                                                {"endY", r.last_row}}}));
     }
     // A coarser level may be less steep, and is not told to be better for it.
     std::vector<double> bounds = bounds_;
@@ -157,22 +173,40 @@ class QuantizedMesh final : public TileFormat {
     return std::vector<std::pair<std::string, std::string>>{{"layer.json", layer.Text() + "\n"}};
   }
 
-  Json State() const override { return {{"bounds", bounds_}, {"ranges", ranges_}}; }
+  Json State() const override {
+    Json ranges(Json::Array{});
+    for (const Level& level : levels_) {
+      const GridRange& r = level.range;
+      ranges.push_back(Json(Json::Array{r.first_column, r.first_row, r.last_column, r.last_row}));
+    }
+    return {{"bounds", bounds_}, {"ranges", std::move(ranges)}};
+  }
   bool Restore(const Json& state, size_t levels) override {
     for (const Json& bound : ElementsOf(At(state, "bounds"))) bounds_.push_back(NumberOf(bound));
     for (const Json& r : ElementsOf(At(state, "ranges"))) {
-      ranges_.push_back({static_cast<uint32_t>(CountOf(At(r, size_t{0}))),
-                         static_cast<uint32_t>(CountOf(At(r, size_t{1}))),
-                         static_cast<uint32_t>(CountOf(At(r, size_t{2}))),
-                         static_cast<uint32_t>(CountOf(At(r, size_t{3})))});
+      const auto number = [&](size_t i) { return static_cast<uint32_t>(CountOf(At(r, i))); };
+      levels_.emplace_back().range = {number(0), number(1), number(2), number(3)};
     }
-    return bounds_.size() == levels && ranges_.size() == levels;
+    return bounds_.size() == levels && levels_.size() == levels;
   }
 
  private:
-  using Range = std::array<uint32_t, 4>;  // the first column and row, the last column and row
-
-  uint32_t width() const { return range_[2] - range_[0] + 1; }
+  struct Heights {
+    double low = 0, high = 0;
+    bool known = false;
+    void Add(double l, double h) {
+      low = known ? std::min(low, l) : l;
+      high = known ? std::max(high, h) : h;
+      known = true;
+    }
+  };
+  // Of a level that an earlier run wrote only the range is known.
+  struct Level {
+    GridRange range;
+    uint32_t parts = 1;  // that tiles are cut into each way
+    double height_step = 1;
+    std::vector<Heights> heights;  // of the tiles
+  };
 
   uint32_t LevelOfRaster() const {
     const std::array<double, 6>& g = record_.raster->geotransform;
@@ -194,35 +228,36 @@ class QuantizedMesh final : public TileFormat {
     while (BendOf(level, parts) > kShareOfBend * grid_.error(level)) parts *= 2;
     return parts;
   }
-  std::vector<double> Lines(double low, double high) const {
+  static std::vector<double> Lines(double low, double high, uint32_t parts) {
     std::vector<double> lines;
-    for (uint32_t i = 0; i <= parts_; ++i) {
-      lines.push_back(i == parts_ ? high : low + (high - low) * i / parts_);
+    for (uint32_t i = 0; i <= parts; ++i) {
+      lines.push_back(i == parts ? high : low + (high - low) * i / parts);
     }
     return lines;
   }
 
   // The least and largest height of each tile, and of them the level's step: a power of two metres.
-  Status FindHeights(const LevelMesh& mesh) {
-    heights_.assign(width() * (size_t{range_[3]} - range_[1] + 1), {0, 0, false});
-    steepest_ = 0;
+  Status FindHeights(const LevelMesh& mesh, double* steepest) {
+    Level& level = levels_.back();
+    level.heights.assign(level.range.count(), {0, 0, false});
     std::vector<uint32_t> tiles;
     MTDB_RETURN_IF_ERROR(mesh.Visit([&](std::span<const LevelTriangle> triangles) {
       for (const LevelTriangle& t : triangles) {
         const Triangle3d c = mesh.Corners(t);
         const auto [low, high] = std::minmax({c[0].z, c[1].z, c[2].z});
         TilesOf(c, &tiles);
-        for (const uint32_t tile : tiles) heights_[tile].Add(low, high);
-        steepest_ = std::max(steepest_, SlopeOf(c));
+        for (const uint32_t tile : tiles) level.heights[tile].Add(low, high);
+        *steepest = std::max(*steepest, SlopeOf(c));
       }
       return Status::Ok();
     }));
     double most = 0;
-    for (uint32_t tile = 0; tile < heights_.size(); ++tile) {
-      const auto [low, high] = HeightsOf(tile);
+    const auto number = static_cast<uint32_t>(levels_.size()) - 1;
+    for (uint32_t tile = 0; tile < level.heights.size(); ++tile) {
+      const auto [low, high] = HeightsOf({number, tile});
       most = std::max(most, high - low);
     }
-    height_step_ = std::exp2(std::ceil(std::log2(std::max(most, 1.0) / (kTileUnits - 2))));
+    level.height_step = std::exp2(std::ceil(std::log2(std::max(most, 1.0) / (kTileUnits - 2))));
     return Status::Ok();
   }
 
@@ -230,10 +265,10 @@ class QuantizedMesh final : public TileFormat {
     return r.west < data_.west || r.south < data_.south || r.east > data_.east ||
            r.north > data_.north;
   }
-  std::pair<double, double> HeightsOf(uint32_t tile) const {
-    const Heights& h = heights_[tile];
-    const GlobeRectangle r =
-        grid_.Rectangle(level_, range_[0] + tile % width(), range_[1] + tile / width());
+  std::pair<double, double> HeightsOf(TileId id) const {
+    const Heights& h = levels_[id.level].heights[id.tile];
+    const auto [x, y] = levels_[id.level].range.PlaceOf(id.tile);
+    const GlobeRectangle r = grid_.Rectangle(id.level, x, y);
     if (!IsPartlyCovered(r)) return {h.low, h.high};
     return {std::min(h.low, 0.0), std::max(h.high, 0.0)};
   }
@@ -321,16 +356,6 @@ class QuantizedMesh final : public TileFormat {
     }
   }
 
-  struct Heights {
-    double low = 0, high = 0;
-    bool known = false;
-    void Add(double l, double h) {
-      low = known ? std::min(low, l) : l;
-      high = known ? std::max(high, h) : h;
-      known = true;
-    }
-  };
-
   const ObjectRecord record_;
   const GlobeGrid grid_;
   const double metres_;  // of a unit of height
@@ -338,13 +363,7 @@ class QuantizedMesh final : public TileFormat {
   uint32_t max_level_ = 0;
   // Of the levels so far.
   std::vector<double> bounds_;
-  std::vector<Range> ranges_;
-  // Of the level that is written.
-  uint32_t level_ = 0, parts_ = 1;
-  Range range_{};
-  std::vector<Heights> heights_;
-  double height_step_ = 1;
-  double steepest_ = 0;  // SlopeOf() of any triangle
+  std::vector<Level> levels_;
 };
 
 }  // namespace

@@ -11,6 +11,7 @@
 
 #include "tools/tiles/json_reading.h"
 #include "tools/tiles/places/globe_grid.h"
+#include "tools/tiles/places/grid_range.h"
 #include "tools/tiles/places/tile_placement.h"
 #include "tools/tiles/terrain_rgb/height_grid.h"
 
@@ -41,48 +42,50 @@ class TerrainRgb final : public TileFormat {
   }
 
   Result<std::optional<uint32_t>> Plan(const LevelMesh&, const ExtractStats& stats) override {
-    level_ = static_cast<uint32_t>(bounds_.size());
-    const Box3d& b = record_.bounds;
-    // Rows are from the north.
-    range_ = {grid_.Column(level_, b.min.x), RowOf(b.max.y), grid_.Column(level_, b.max.x),
-              RowOf(b.min.y)};
-    multiple_ = 1;
-    const double room = (1 - kShareOfCut) * ErrorOf(level_);
-    while (multiple_ < 1u << 20 && options_.coding.step * multiple_ <= room) multiple_ *= 2;
-    bounds_.push_back(stats.error_bound * metres_ + options_.coding.step * multiple_ / 2);
-    return std::optional<uint32_t>(
-        static_cast<uint32_t>(width() * (uint64_t{range_[3]} - range_[1] + 1)));
+    const auto level = static_cast<uint32_t>(bounds_.size());
+    const uint32_t multiple = MultipleOf(level);
+    bounds_.push_back(stats.error_bound * metres_ + options_.coding.step * multiple / 2);
+    range_ = RangeOf(level);
+    return std::optional<uint32_t>(static_cast<uint32_t>(range_.count()));
   }
 
   void TilesOf(const Triangle3d& corners, std::vector<uint32_t>* tiles) const override {
     tiles->clear();
     Box3d box;
     for (const Vec3d& p : corners) box.Add(p);
-    const uint32_t x0 = grid_.Column(level_, box.min.x), x1 = grid_.Column(level_, box.max.x);
-    const uint32_t y0 = RowOf(box.max.y), y1 = RowOf(box.min.y);
+    const auto level = static_cast<uint32_t>(bounds_.size()) - 1;
+    const uint32_t x0 = grid_.Column(level, box.min.x), x1 = grid_.Column(level, box.max.x);
+    const uint32_t y0 = RowOf(level, box.max.y), y1 = RowOf(level, box.min.y);
     for (uint32_t y = y0; y <= y1; ++y) {
-      for (uint32_t x = x0; x <= x1; ++x) {
-        tiles->push_back((y - range_[1]) * width() + x - range_[0]);
-      }
+      for (uint32_t x = x0; x <= x1; ++x) tiles->push_back(range_.NumberOf(x, y));
     }
   }
 
-  Result<TileFile> Encode(uint32_t tile, std::span<const LevelTriangle> triangles,
+  Result<TileFile> Encode(TileId id, std::span<const LevelTriangle> triangles,
                           const LevelMesh& mesh) override {
-    const uint32_t x = range_[0] + tile % width(), y = range_[1] + tile / width();
-    HeightGrid grid(level_, x, y, options_.side);
+    const auto [x, y] = RangeOf(id.level).PlaceOf(id.tile);
+    const uint32_t multiple = MultipleOf(id.level);
+    HeightGrid grid(id.level, x, y, options_.side);
     for (const LevelTriangle& t : triangles) grid.Add(mesh.Corners(t));
     std::vector<uint32_t> codes;
     codes.reserve(grid.heights().size());
     for (const double height : grid.heights()) {
       codes.push_back(std::isnan(height) ? options_.coding.CodeOf(0, 1)
-                                         : options_.coding.CodeOf(height, multiple_));
+                                         : options_.coding.CodeOf(height, multiple));
     }
     TileFile file;
-    file.path = std::to_string(level_) + "/" + std::to_string(x) + "/" + std::to_string(y) + ".png";
+    file.path = GridPath(id.level, x, y, ".png");
     file.triangles = triangles.size();
     MTDB_ASSIGN_OR_RETURN(file.bytes, EncodeHeightImage(codes, options_.side));
     return file;
+  }
+
+  std::optional<TileId> Find(std::string_view path) const override {
+    const auto place = GridPlaceOf(path, ".png");
+    if (!place || (*place)[0] >= bounds_.size()) return std::nullopt;
+    const GridRange range = RangeOf((*place)[0]);
+    if (!range.Contains((*place)[1], (*place)[2])) return std::nullopt;
+    return TileId{(*place)[0], range.NumberOf((*place)[1], (*place)[2])};
   }
 
   TileLevel EndLevel() override {
@@ -114,11 +117,21 @@ class TerrainRgb final : public TileFormat {
   }
 
  private:
-  using Range = std::array<uint32_t, 4>;  // the first column and row, the last column and row
-
-  uint32_t width() const { return range_[2] - range_[0] + 1; }
-  uint32_t RowOf(double latitude) const {
-    return grid_.counts(level_)[1] - 1 - grid_.Row(level_, latitude);
+  // Rows are from the north.
+  uint32_t RowOf(uint32_t level, double latitude) const {
+    return grid_.counts(level)[1] - 1 - grid_.Row(level, latitude);
+  }
+  GridRange RangeOf(uint32_t level) const {
+    const Box3d& b = record_.bounds;
+    return {grid_.Column(level, b.min.x), RowOf(level, b.max.y), grid_.Column(level, b.max.x),
+            RowOf(level, b.min.y)};
+  }
+  // Heights of a level are multiples of so many steps of the coding.
+  uint32_t MultipleOf(uint32_t level) const {
+    uint32_t multiple = 1;
+    const double room = (1 - kShareOfCut) * ErrorOf(level);
+    while (multiple < 1u << 20 && options_.coding.step * multiple <= room) multiple *= 2;
+    return multiple;
   }
   double ErrorOf(uint32_t level) const {
     const double pixel = 2 * std::numbers::pi * kEarthRadius / options_.side;
@@ -137,9 +150,7 @@ class TerrainRgb final : public TileFormat {
   const GlobeGrid grid_{true};
   uint32_t max_level_ = 0;
   std::vector<double> bounds_;  // of the levels so far
-  // Of the level that is written.
-  uint32_t level_ = 0, multiple_ = 1;
-  Range range_{};
+  GridRange range_;             // of the last of them
 };
 
 }  // namespace

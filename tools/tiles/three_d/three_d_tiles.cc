@@ -81,12 +81,25 @@ class ThreeDTiles final : public TileFormat {
     tree_.TilesOf(corners, tiles);
   }
 
-  Result<TileFile> Encode(uint32_t tile, std::span<const LevelTriangle> triangles,
+  // Tiles have a content where a triangle is left on the lattice.
+  void Note(uint32_t tile, const Triangle3d& corners) override {
+    const LevelFrame& frame = frames_.back();
+    Triangle3d on_lattice;
+    for (size_t c = 0; c < 3; ++c) {
+      const Vec3i at = LatticePoint(corners[c], placement_.origin(), frame.step);
+      on_lattice[c] = placement_.origin() + ToDouble(at) * frame.step;
+    }
+    const auto& p = on_lattice;
+    if (p[0] == p[1] || p[1] == p[2] || p[2] == p[0]) return;
+    Box3d& content = tree_.level(frames_.size() - 1)[tile].content;
+    for (const Vec3d& corner : p) content.Add(corner);
+  }
+
+  Result<TileFile> Encode(TileId id, std::span<const LevelTriangle> triangles,
                           const LevelMesh& mesh) override {
-    const size_t level = frames_.size() - 1;
-    TreeTile& at = tree_.level(level)[tile];
-    if (triangles.empty()) return TileFile{};
-    const LevelFrame& frame = frames_[level];
+    const TreeTile& at = std::as_const(tree_).level(id.level)[id.tile];
+    if (at.content.empty()) return TileFile{};
+    const LevelFrame& frame = frames_[id.level];
     TileMeshOptions options;
     options.origin = placement_.origin();
     options.step = frame.step;
@@ -94,17 +107,26 @@ class ThreeDTiles final : public TileFormat {
     options.skirt = frame.skirt;
     options.skirt_is_vertical = is_terrain_;
     options.inside = tree_.CellOf(at);
-    GltfTile gltf = MakeTileMesh(mesh, triangles, options, &at.content);
-    if (gltf.indices.empty()) {  // all of them are too small for the lattice
-      at.content = {};
-      return TileFile{};
-    }
+    GltfTile gltf = MakeTileMesh(mesh, triangles, options);
     gltf.error_bound = frame.bound;
     TileFile file;
-    file.path = PathOf(level, at) + ".glb";
+    file.path = PathOf(id.level, at) + ".glb";
     file.triangles = gltf.indices.size() / 3;
     file.bytes = EncodeGltfTile(std::move(gltf));
     return file;
+  }
+
+  std::optional<TileId> Find(std::string_view path) const override {
+    for (uint32_t level = 0; level < frames_.size(); ++level) {
+      if (!path.starts_with(std::to_string(level) + "/")) continue;
+      const std::vector<TreeTile>& tiles = tree_.level(level);
+      for (uint32_t i = 0; i < tiles.size(); ++i) {
+        if (!tiles[i].content.empty() && path == PathOf(level, tiles[i]) + ".glb") {
+          return TileId{level, i};
+        }
+      }
+    }
+    return std::nullopt;
   }
 
   TileLevel EndLevel() override {
@@ -168,6 +190,15 @@ class ThreeDTiles final : public TileFormat {
     return frames_[level].bound * kClientPixels / options_.pixels;
   }
 
+  // Skirts reach so far from the triangles that they hang from.
+  Box3d WithSkirts(Box3d box, const LevelFrame& frame) const {
+    if (box.empty() || frame.skirt == 0) return box;
+    const double by = frame.skirt + frame.step;
+    box.min = box.min - (is_terrain_ ? Vec3d{0, 0, by} : Vec3d{by, by, by});
+    if (!is_terrain_) box.max = box.max + Vec3d{by, by, by};
+    return box;
+  }
+
   // Around each tile's content and that of all tiles that replace it.
   void SetBoxes() {
     boxes_.resize(tree_.levels());
@@ -176,7 +207,7 @@ class ThreeDTiles final : public TileFormat {
       boxes_[level].resize(tiles.size());
       for (size_t i = 0; i < tiles.size(); ++i) {
         Box3d& box = boxes_[level][i];
-        box = tiles[i].content;
+        box = WithSkirts(tiles[i].content, frames_[level]);
         for (uint32_t c = 0; c < tiles[i].children; ++c) {
           box.Add(boxes_[level + 1][tiles[i].first_child + c]);
         }

@@ -48,7 +48,7 @@ class TileMeshMaker {
   TileMeshMaker(const LevelMesh& mesh, const TileMeshOptions& options)
       : mesh_(mesh), options_(options) {}
 
-  GltfTile Make(std::span<const LevelTriangle> triangles, Box3d* content) {
+  GltfTile Make(std::span<const LevelTriangle> triangles) {
     AddTriangles(triangles);
     tile_.surface_triangles = tile_.indices.size() / 3;
     if (options_.skirt > 0) AddSkirts();
@@ -58,7 +58,6 @@ class TileMeshMaker {
     for (Vec3i& p : tile_.positions) p = p - box.min;
     tile_.step = options_.step;
     tile_.origin = options_.origin + ToDouble(box.min) * options_.step;
-    *content = {tile_.origin, options_.origin + ToDouble(box.max) * options_.step};
     return std::move(tile_);
   }
 
@@ -67,14 +66,6 @@ class TileMeshMaker {
     uint32_t low = 0, high = 0;  // of the tile's vertices
     bool turned = false;         // the triangle goes from high to low
   };
-
-  Vec3i OnLattice(Vec3d p) const {
-    Vec3i q;
-    for (int i = 0; i < 3; ++i) {
-      q[i] = static_cast<int32_t>(std::lround((p[i] - options_.origin[i]) / options_.step));
-    }
-    return q;
-  }
 
   void AddTriangles(std::span<const LevelTriangle> triangles) {
     VertexTable table(3 * triangles.size());
@@ -93,7 +84,7 @@ class TileMeshMaker {
     if (number != kNone) return number;
     number = static_cast<uint32_t>(tile_.positions.size());
     const LevelVertex& from = mesh_.vertex(vertex);
-    tile_.positions.push_back(OnLattice(from.position));
+    tile_.positions.push_back(LatticePoint(from.position, options_.origin, options_.step));
     tile_.normals.push_back(Unit(from.normal));
     if (options_.colours) tile_.colours.push_back(from.rgba);
     is_inside_.push_back(options_.inside.Contains(from.position));
@@ -161,8 +152,8 @@ class TileMeshMaker {
 }  // namespace
 
 GltfTile MakeTileMesh(const LevelMesh& mesh, std::span<const LevelTriangle> triangles,
-                      const TileMeshOptions& options, Box3d* content) {
-  return TileMeshMaker(mesh, options).Make(triangles, content);
+                      const TileMeshOptions& options) {
+  return TileMeshMaker(mesh, options).Make(triangles);
 }
 
 }  // namespace mtdb

@@ -2,6 +2,8 @@
 // MakeTileMesh: the triangles of a tile on the level's lattice, with skirts.
 #pragma once
 
+#include <cmath>
+#include <cstdint>
 #include <span>
 
 #include "tools/tiles/level/level_mesh.h"
@@ -20,9 +22,15 @@ struct TileMeshOptions {
   Box3d inside;
 };
 
-// `content` becomes the box around all vertices. Triangles that the lattice makes one point or line
-// of two vertices are left out.
+// The point of the lattice that is nearest to `p`.
+inline Vec3i LatticePoint(Vec3d p, Vec3d origin, double step) {
+  Vec3i q;
+  for (int i = 0; i < 3; ++i) q[i] = static_cast<int32_t>(std::lround((p[i] - origin[i]) / step));
+  return q;
+}
+
+// Triangles that the lattice makes one point or line of two vertices are left out.
 GltfTile MakeTileMesh(const LevelMesh& mesh, std::span<const LevelTriangle> triangles,
-                      const TileMeshOptions& options, Box3d* content);
+                      const TileMeshOptions& options);
 
 }  // namespace mtdb

@@ -20,7 +20,7 @@ struct TreeTile {
   uint32_t parent = 0;       // of the level before
   uint32_t first_child = 0;  // of the next level
   uint32_t children = 0;
-  Box3d content;  // what its file has, set by who writes it
+  Box3d content;  // of what its file has, without skirts; set by who sorts triangles
 };
 
 // Cells are split until no tile has more than `most_triangles`, but at most so far in one level
