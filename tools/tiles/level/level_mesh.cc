@@ -18,7 +18,9 @@ namespace mtdb {
 namespace {
 
 constexpr uint64_t kBlockTriangles = 1 << 16;
-constexpr uint64_t kReleaseTriangles = 1 << 20;  // after so many, what was mapped is let go
+// After so many, what was mapped is let go: 10 MiB, and 12 MiB.
+constexpr uint64_t kReleaseVertices = 1 << 18;
+constexpr uint64_t kReleaseTriangles = 1 << 20;
 
 }  // namespace
 
@@ -76,8 +78,8 @@ Status LevelMesh::AddVertices(std::span<const Vec3d> positions, ByteSpan rows) {
       v.normal = {static_cast<float>(n.x), static_cast<float>(n.y), static_cast<float>(n.z)};
     }
     static_cast<LevelVertex*>(vertex_file_.data())[vertices_++] = v;
+    if (vertices_ % kReleaseVertices == 0) vertex_file_.Release();
   }
-  vertex_file_.Release();
   return Status::Ok();
 }
 
@@ -86,12 +88,15 @@ Status LevelMesh::AddTriangles(std::span<const TriangleVertices> triangles) {
   for (const TriangleVertices& t : triangles) {
     to[triangles_++] = {static_cast<uint32_t>(t[0]), static_cast<uint32_t>(t[1]),
                         static_cast<uint32_t>(t[2])};
+    if (triangles_ % kReleaseTriangles == 0) triangle_file_.Release();
   }
-  triangle_file_.Release();
   return Status::Ok();
 }
 
-Status LevelMesh::End() { return Status::Ok(); }
+Status LevelMesh::End() {
+  Release();
+  return Status::Ok();
+}
 
 Status LevelMesh::Visit(const std::function<Status(std::span<const LevelTriangle>)>& visit) const {
   const auto* const all = static_cast<const LevelTriangle*>(triangle_file_.data());

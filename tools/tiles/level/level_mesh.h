@@ -44,8 +44,8 @@ class MappedFile {
   uint64_t size_bytes_ = 0;
 };
 
-// A sink for the mesh of a query. Memory: a few MiB, whatever the size of the mesh. Afterwards any
-// thread may read vertices.
+// A sink for the mesh of a query. Memory: some 20 MiB, whatever the size of the mesh. Afterwards
+// any thread may read vertices.
 class LevelMesh final : public MeshSink {
  public:
   // `place` makes positions of the tiles' format of those of the object.

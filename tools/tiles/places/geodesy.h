@@ -20,13 +20,25 @@ struct GlobePlace {
   double longitude = 0, latitude = 0, height = 0;
 };
 
+// A longitude or latitude.
+struct GlobeDirection {
+  double sin = 0, cos = 1;
+  GlobeDirection() = default;
+  explicit GlobeDirection(double degrees)
+      : sin(std::sin(degrees * kRadOfDegree)), cos(std::cos(degrees * kRadOfDegree)) {}
+};
+
 // Earth-centred, earth-fixed: x through longitude 0, z through the north pole, in metres.
-inline Vec3d EarthCentred(const GlobePlace& place) {
-  const double lon = place.longitude * kRadOfDegree, lat = place.latitude * kRadOfDegree;
-  const double s = std::sin(lat), c = std::cos(lat);
+inline Vec3d EarthCentred(const GlobeDirection& longitude, const GlobeDirection& latitude,
+                          double height) {
+  const double s = latitude.sin, c = latitude.cos;
   const double n = kEarthRadius / std::sqrt(1 - kEarthSquaredEccentricity * s * s);
-  return {(n + place.height) * c * std::cos(lon), (n + place.height) * c * std::sin(lon),
-          (n * (1 - kEarthSquaredEccentricity) + place.height) * s};
+  return {(n + height) * c * longitude.cos, (n + height) * c * longitude.sin,
+          (n * (1 - kEarthSquaredEccentricity) + height) * s};
+}
+inline Vec3d EarthCentred(const GlobePlace& place) {
+  return EarthCentred(GlobeDirection(place.longitude), GlobeDirection(place.latitude),
+                      place.height);
 }
 
 // The other way round; not at the poles' axis.
@@ -48,12 +60,13 @@ struct LocalFrame {
   Vec3d origin;  // earth-centred
   Vec3d east, north, up;
 
-  explicit LocalFrame(const GlobePlace& place) : origin(EarthCentred(place)) {
-    const double lon = place.longitude * kRadOfDegree, lat = place.latitude * kRadOfDegree;
-    east = {-std::sin(lon), std::cos(lon), 0};
-    north = {-std::sin(lat) * std::cos(lon), -std::sin(lat) * std::sin(lon), std::cos(lat)};
-    up = {std::cos(lat) * std::cos(lon), std::cos(lat) * std::sin(lon), std::sin(lat)};
-  }
+  explicit LocalFrame(const GlobePlace& place)
+      : LocalFrame(GlobeDirection(place.longitude), GlobeDirection(place.latitude), place.height) {}
+  LocalFrame(const GlobeDirection& lon, const GlobeDirection& lat, double height)
+      : origin(EarthCentred(lon, lat, height)),
+        east{-lon.sin, lon.cos, 0},
+        north{-lat.sin * lon.cos, -lat.sin * lon.sin, lat.cos},
+        up{lat.cos * lon.cos, lat.cos * lon.sin, lat.sin} {}
   Vec3d FromEarth(Vec3d p) const {
     const Vec3d d = p - origin;
     return {Dot(d, east), Dot(d, north), Dot(d, up)};

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "tools/tiles/json_reading.h"
+#include "tools/tiles/level/vertex_table.h"
 #include "tools/tiles/places/geodesy.h"
 #include "tools/tiles/places/globe_grid.h"
 #include "tools/tiles/places/grid_range.h"
@@ -44,6 +45,66 @@ double ErrorOfUnits(const Box3d& b, double metres, double unit, double slope) {
   return is_small || !(error < all) ? all : error;
 }
 
+ClipVertex VertexOf(const LevelVertex& v) {
+  const Vec3d n{v.normal.x, v.normal.y, v.normal.z};
+  const double length = Length(n);
+  const Vec3d unit = length > 0 ? n * (1 / length) : Vec3d{0, 0, 1};
+  return {v.position, unit};
+}
+
+// Adds triangles that lie wholly within a tile of one piece as their polygons would be added, but
+// looks at each vertex once.
+class WholeTriangles {
+ public:
+  // Within `inner`: not at the raster's border either, where walls may hang.
+  WholeTriangles(const LevelMesh& mesh, const GlobeRectangle& inner, size_t triangles,
+                 QuantizedTile* tile)
+      : mesh_(mesh), inner_(inner), known_(triangles / 2), tile_(tile) {}
+
+  // False: the triangle is not one of these.
+  bool Add(const LevelTriangle& t) {
+    std::array<KnownVertex, 3> corners;
+    for (size_t c = 0; c < 3; ++c) {
+      corners[c] = Look(t[c]);
+      if (!corners[c].is_within) return false;
+    }
+    const auto& [a, b, d] = corners;
+    if (a.units == b.units || b.units == d.units || d.units == a.units) return true;
+    std::array<uint32_t, 3> numbers{};
+    for (size_t c = 0; c < 3; ++c) {
+      numbers[c] = corners[c].number;
+      if (numbers[c] != kNone32) continue;
+      numbers[c] = tile_->NumberOf({corners[c].units, VertexOf(mesh_.vertex(t[c])).normal});
+      known_.At(t[c]).number = numbers[c];
+    }
+    tile_->AddTriangle(numbers);
+    return true;
+  }
+
+ private:
+  struct KnownVertex {
+    std::array<uint16_t, 3> units{};
+    bool is_known = false, is_within = false;
+    uint32_t number = kNone32;
+  };
+
+  const KnownVertex& Look(uint32_t v) {
+    KnownVertex& vertex = known_.At(v);
+    if (vertex.is_known) return vertex;
+    const Vec3d p = mesh_.vertex(v).position;
+    vertex.units = tile_->UnitsAt(p);
+    vertex.is_known = true;
+    vertex.is_within =
+        p.x > inner_.west && p.x < inner_.east && p.y > inner_.south && p.y < inner_.north;
+    return vertex;
+  }
+
+  const LevelMesh& mesh_;
+  const GlobeRectangle inner_;
+  VertexTable<KnownVertex> known_;
+  QuantizedTile* tile_;
+};
+
 class QuantizedMesh final : public TileFormat {
  public:
   QuantizedMesh(const ObjectRecord& record, const QuantizedMeshOptions& options)
@@ -77,6 +138,7 @@ class QuantizedMesh final : public TileFormat {
     if (number == 0) level.range = {0, 0, columns - 1, rows - 1};  // clients ask for all of them
     level.parts = PartsOf(number);
     levels_.push_back(std::move(level));
+    last_ = {};
     double steepest = 0;
     MTDB_RETURN_IF_ERROR(FindHeights(mesh, &steepest));
     bounds_.push_back(
@@ -90,6 +152,10 @@ class QuantizedMesh final : public TileFormat {
     tiles->clear();
     Box3d box;
     for (const Vec3d& p : c) box.Add(p);
+    if (last_.Has(box)) {
+      tiles->push_back(last_.tile);
+      return;
+    }
     const auto level = static_cast<uint32_t>(levels_.size()) - 1;
     const uint32_t x0 = grid_.Column(level, box.min.x), x1 = grid_.Column(level, box.max.x);
     const uint32_t y0 = grid_.Row(level, box.min.y), y1 = grid_.Row(level, box.max.y);
@@ -104,6 +170,7 @@ class QuantizedMesh final : public TileFormat {
         tiles->push_back(levels_.back().range.NumberOf(x, y));
       }
     }
+    if (tiles->size() == 1) last_ = {grid_.Rectangle(level, x0, y0), tiles->front()};
   }
 
   Result<TileFile> Encode(TileId id, std::span<const LevelTriangle> triangles,
@@ -116,7 +183,9 @@ class QuantizedMesh final : public TileFormat {
     QuantizedTile quantized(rectangle, std::floor(low / step) * step, step);
     const std::vector<double> meridians = Lines(rectangle.west, rectangle.east, level.parts);
     const std::vector<double> parallels = Lines(rectangle.south, rectangle.north, level.parts);
+    WholeTriangles whole(mesh, Inner(rectangle), triangles.size(), &quantized);
     for (const LevelTriangle& t : triangles) {
+      if (level.parts == 1 && whole.Add(t)) continue;
       ClipPolygon polygon;
       for (const uint32_t v : t) polygon.Add(VertexOf(mesh.vertex(v)));
       AddPieces(polygon, meridians, parallels, &quantized);
@@ -200,6 +269,15 @@ class QuantizedMesh final : public TileFormat {
       known = true;
     }
   };
+  // Where the last triangle was alone in a tile: most are near the one before.
+  struct LastTile {
+    GlobeRectangle rectangle;
+    uint32_t tile = 0;
+    bool Has(const Box3d& box) const {
+      return box.min.x > rectangle.west && box.max.x < rectangle.east &&
+             box.min.y > rectangle.south && box.max.y < rectangle.north;
+    }
+  };
   // Of a level that an earlier run wrote only the range is known.
   struct Level {
     GridRange range;
@@ -261,6 +339,11 @@ class QuantizedMesh final : public TileFormat {
     return Status::Ok();
   }
 
+  // Where the tile has samples all around.
+  GlobeRectangle Inner(const GlobeRectangle& r) const {
+    return {std::max(r.west, data_.west), std::max(r.south, data_.south),
+            std::min(r.east, data_.east), std::min(r.north, data_.north)};
+  }
   bool IsPartlyCovered(const GlobeRectangle& r) const {
     return r.west < data_.west || r.south < data_.south || r.east > data_.east ||
            r.north > data_.north;
@@ -271,13 +354,6 @@ class QuantizedMesh final : public TileFormat {
     const GlobeRectangle r = grid_.Rectangle(id.level, x, y);
     if (!IsPartlyCovered(r)) return {h.low, h.high};
     return {std::min(h.low, 0.0), std::max(h.high, 0.0)};
-  }
-
-  static ClipVertex VertexOf(const LevelVertex& v) {
-    const Vec3d n{v.normal.x, v.normal.y, v.normal.z};
-    const double length = Length(n);
-    const Vec3d unit = length > 0 ? n * (1 / length) : Vec3d{0, 0, 1};
-    return {v.position, unit};
   }
 
   static size_t FirstPart(const std::vector<double>& lines, double at) {
@@ -364,6 +440,7 @@ class QuantizedMesh final : public TileFormat {
   // Of the levels so far.
   std::vector<double> bounds_;
   std::vector<Level> levels_;
+  mutable LastTile last_;  // of the last level
 };
 
 }  // namespace

@@ -22,8 +22,36 @@ uint16_t Zigzag(int32_t value) {
 }
 
 uint16_t UnitsOf(double part) {
-  return static_cast<uint16_t>(std::lround(std::clamp(part, 0.0, 1.0) * kTileUnits));
+  return static_cast<uint16_t>(std::clamp(part, 0.0, 1.0) * kTileUnits + 0.5);
 }
+
+uint64_t HashOfUnits(const std::array<uint16_t, 3>& u) {
+  return internal::HashOfNumber(u[0] | uint64_t{u[1]} << 16 | uint64_t{u[2]} << 32);
+}
+
+// Sines and cosines of the places from one side of a tile to the other: most vertices share theirs
+// with others, as they were samples of a raster.
+class DirectionTable {
+ public:
+  DirectionTable(double low, double high) : low_(low), high_(high), entries_(kEntries) {}
+  const GlobeDirection& At(uint16_t units) {
+    Entry& entry = entries_[units % kEntries];
+    if (entry.units != units) {
+      const double part = static_cast<double>(units) / kTileUnits;
+      entry = {units, GlobeDirection(low_ + (high_ - low_) * part)};
+    }
+    return entry.direction;
+  }
+
+ private:
+  static constexpr size_t kEntries = 512;
+  struct Entry {
+    uint32_t units = kNone32;
+    GlobeDirection direction;
+  };
+  double low_, high_;
+  std::vector<Entry> entries_;
+};
 
 // A direction in two bytes, on an octahedron that is unfolded.
 std::array<uint8_t, 2> Octahedral(Vec3d n) {
@@ -93,18 +121,29 @@ static_assert(sizeof(Header) == 88);
 }  // namespace
 
 std::array<uint16_t, 3> QuantizedTile::UnitsAt(Vec3d p) const {
-  const auto height = std::clamp<long>(std::lround((p.z - low_) / step_), 0, kTileUnits);
+  const double height = std::clamp((p.z - low_) / step_ + 0.5, 0.0, kTileUnits + 0.5);
   return {UnitsOf((p.x - rectangle_.west) / (rectangle_.east - rectangle_.west)),
           UnitsOf((p.y - rectangle_.south) / (rectangle_.north - rectangle_.south)),
           static_cast<uint16_t>(height)};
 }
 
 uint32_t QuantizedTile::NumberOf(const Vertex& vertex) {
-  const auto& u = vertex.units;
-  const uint64_t key = u[0] | uint64_t{u[1]} << 16 | uint64_t{u[2]} << 32;
-  const auto [found, is_new] = numbers_.emplace(key, static_cast<uint32_t>(vertices_.size()));
-  if (is_new) vertices_.push_back(vertex);
-  return found->second;
+  if (2 * vertices_.size() >= numbers_.size()) {
+    numbers_.Resize(std::max<size_t>(2 * numbers_.size(), 256),
+                    [this](uint32_t number) { return HashOf(number); });
+  }
+  uint32_t& number = numbers_.Find(HashOfUnits(vertex.units), [&](uint32_t other) {
+    return vertices_[other].units == vertex.units;
+  });
+  if (number == kNone32) {
+    number = static_cast<uint32_t>(vertices_.size());
+    vertices_.push_back(vertex);
+  }
+  return number;
+}
+
+uint64_t QuantizedTile::HashOf(uint32_t number) const {
+  return HashOfUnits(vertices_[number].units);
 }
 
 void QuantizedTile::Add(const ClipPolygon& polygon) {
@@ -126,12 +165,13 @@ void QuantizedTile::Add(const ClipPolygon& polygon) {
 Bytes QuantizedTile::Encode() const {
   std::vector<Vec3d> points;
   std::vector<std::array<uint8_t, 2>> normals;
+  points.reserve(vertices_.size());
+  normals.reserve(vertices_.size());
+  DirectionTable longitudes(rectangle_.west, rectangle_.east);
+  DirectionTable latitudes(rectangle_.south, rectangle_.north);
   for (const Vertex& v : vertices_) {
-    const auto part = [](uint16_t units) { return static_cast<double>(units) / kTileUnits; };
-    const LocalFrame frame(
-        {rectangle_.west + (rectangle_.east - rectangle_.west) * part(v.units[0]),
-         rectangle_.south + (rectangle_.north - rectangle_.south) * part(v.units[1]),
-         low_ + step_ * v.units[2]});
+    const LocalFrame frame(longitudes.At(v.units[0]), latitudes.At(v.units[1]),
+                           low_ + step_ * v.units[2]);
     points.push_back(frame.origin);
     normals.push_back(Octahedral(frame.ToEarth(v.normal)));
   }

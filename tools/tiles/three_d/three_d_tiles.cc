@@ -84,14 +84,17 @@ class ThreeDTiles final : public TileFormat {
   // Tiles have a content where a triangle is left on the lattice.
   void Note(uint32_t tile, const Triangle3d& corners) override {
     const LevelFrame& frame = frames_.back();
-    Triangle3d on_lattice;
+    Box3d& content = tree_.level(frames_.size() - 1)[tile].content;
+    if (content.Contains(corners[0]) && content.Contains(corners[1]) &&
+        content.Contains(corners[2])) {
+      return;
+    }
+    Triangle3d p;
     for (size_t c = 0; c < 3; ++c) {
       const Vec3i at = LatticePoint(corners[c], placement_.origin(), frame.step);
-      on_lattice[c] = placement_.origin() + ToDouble(at) * frame.step;
+      p[c] = placement_.origin() + ToDouble(at) * frame.step;
     }
-    const auto& p = on_lattice;
     if (p[0] == p[1] || p[1] == p[2] || p[2] == p[0]) return;
-    Box3d& content = tree_.level(frames_.size() - 1)[tile].content;
     for (const Vec3d& corner : p) content.Add(corner);
   }
 

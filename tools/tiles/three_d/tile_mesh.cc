@@ -3,10 +3,11 @@
 
 #include <algorithm>
 #include <array>
-#include <bit>
 #include <cmath>
 #include <utility>
 #include <vector>
+
+#include "tools/tiles/level/vertex_table.h"
 
 namespace mtdb {
 
@@ -14,26 +15,9 @@ namespace {
 
 constexpr uint32_t kNone = ~uint32_t{0};
 
-// Numbers of the level's vertices -> of the tile's, by open addressing.
-class VertexTable {
- public:
-  explicit VertexTable(size_t most)
-      : mask_(std::bit_ceil(2 * std::max<size_t>(most, 1)) - 1), slots_(mask_ + 1) {}
-  // The vertex's slot, which the caller fills where it is kNone.
-  uint32_t& At(uint32_t vertex) {
-    size_t at = (vertex * uint64_t{0x9e3779b97f4a7c15} >> 32) & mask_;
-    while (slots_[at].number != kNone && slots_[at].vertex != vertex) at = (at + 1) & mask_;
-    slots_[at].vertex = vertex;
-    return slots_[at].number;
-  }
-
- private:
-  struct Slot {
-    uint32_t vertex = 0;
-    uint32_t number = kNone;
-  };
-  size_t mask_;
-  std::vector<Slot> slots_;
+// A vertex's number in the tile.
+struct Number {
+  uint32_t value = kNone;
 };
 
 Vec3f Unit(Vec3f n) {
@@ -68,7 +52,7 @@ class TileMeshMaker {
   };
 
   void AddTriangles(std::span<const LevelTriangle> triangles) {
-    VertexTable table(3 * triangles.size());
+    VertexTable<Number> table(triangles.size() / 2);
     tile_.indices.reserve(3 * triangles.size());
     for (const LevelTriangle& t : triangles) {
       std::array<uint32_t, 3> v{};
@@ -79,8 +63,8 @@ class TileMeshMaker {
     }
   }
 
-  uint32_t NumberOf(uint32_t vertex, VertexTable* table) {
-    uint32_t& number = table->At(vertex);
+  uint32_t NumberOf(uint32_t vertex, VertexTable<Number>* table) {
+    uint32_t& number = table->At(vertex).value;
     if (number != kNone) return number;
     number = static_cast<uint32_t>(tile_.positions.size());
     const LevelVertex& from = mesh_.vertex(vertex);

@@ -2,7 +2,6 @@
 // MakeTileMesh: the triangles of a tile on the level's lattice, with skirts.
 #pragma once
 
-#include <cmath>
 #include <cstdint>
 #include <span>
 
@@ -25,7 +24,10 @@ struct TileMeshOptions {
 // The point of the lattice that is nearest to `p`.
 inline Vec3i LatticePoint(Vec3d p, Vec3d origin, double step) {
   Vec3i q;
-  for (int i = 0; i < 3; ++i) q[i] = static_cast<int32_t>(std::lround((p[i] - origin[i]) / step));
+  for (int i = 0; i < 3; ++i) {
+    const double steps = (p[i] - origin[i]) / step;
+    q[i] = static_cast<int32_t>(steps + (steps < 0 ? -0.5 : 0.5));
+  }
   return q;
 }
 

@@ -52,15 +52,25 @@ Box3d TileTree::CellOf(const TreeTile& tile) const {
   return box;
 }
 
-TileTree::PartRange TileTree::PartsIn(const TreeTile& tile, const Box3d& box) const {
-  PartRange range;
+TileTree::CellFrame TileTree::FrameOf(const TreeTile& tile) const {
   const Box3d cell = CellOf(tile);
-  const double parts = parts_per_axis();
+  CellFrame frame{cell.min, {}};
+  for (int i = 0; i < axes(); ++i) frame.parts[i] = parts_per_axis() / (cell.max[i] - cell.min[i]);
+  return frame;
+}
+
+void TileTree::SetFrames(Level* level) const {
+  level->frames.clear();
+  for (const TreeTile& tile : level->tiles) level->frames.push_back(FrameOf(tile));
+}
+
+TileTree::PartRange TileTree::PartsIn(const CellFrame& cell, const Box3d& box) const {
+  PartRange range;
+  const double last = parts_per_axis() - 1.0;
   for (int i = 0; i < axes(); ++i) {
-    const double scale = parts / (cell.max[i] - cell.min[i]);
+    // What is below the cell counts for its first part.
     const auto part = [&](double x) {
-      const double at = std::floor((x - cell.min[i]) * scale);
-      return static_cast<uint32_t>(std::clamp(at, 0.0, parts - 1));
+      return static_cast<uint32_t>(std::clamp((x - cell.corner[i]) * cell.parts[i], 0.0, last));
     };
     range.low[static_cast<size_t>(i)] = part(box.min[i]);
     range.high[static_cast<size_t>(i)] = part(box.max[i]);
@@ -83,7 +93,7 @@ template <typename Visit>
 void TileTree::DescendFrom(size_t from, uint32_t tile, size_t level, const Triangle3d& corners,
                            const Box3d& box, double margin, const Visit& visit) const {
   const TreeTile& here = levels_[from].tiles[tile];
-  const PartRange range = PartsIn(here, box);
+  const PartRange range = PartsIn(levels_[from].frames[tile], box);
   uint32_t count = 1;
   for (size_t i = 0; i < 3; ++i) count *= range.high[i] - range.low[i] + 1;
   uint64_t seen = 0;  // children
@@ -163,6 +173,7 @@ void TileTree::AddLevel(const LevelMesh& mesh, double margin) {
   last_ = {};
   if (levels_.empty()) {
     level.tiles.emplace_back();
+    SetFrames(&level);
     levels_.push_back(std::move(level));
     return;
   }
@@ -181,6 +192,7 @@ void TileTree::AddLevel(const LevelMesh& mesh, double margin) {
         static_cast<uint32_t>(level.tiles.size()) - parents[parent].first_child;
   }
   FillParts(&level);
+  SetFrames(&level);
   levels_.push_back(std::move(level));
 }
 
@@ -311,6 +323,7 @@ bool TileTree::Restore(const Json& state) {
     }
     if (!IsSound(level)) return false;
     RestoreParts(&level);
+    SetFrames(&level);
     levels_.push_back(std::move(level));
   }
   if (levels_.empty()) return false;
@@ -352,7 +365,8 @@ void TileTree::RestoreParts(Level* level) const {
     const TreeTile& tile = level->tiles[i];
     Box3d cell = CellOf(tile);
     const Vec3d inset = (cell.max - cell.min) * 1e-3;
-    const PartRange range = PartsIn(parents[tile.parent], {cell.min + inset, cell.max - inset});
+    const PartRange range =
+        PartsIn(levels_.back().frames[tile.parent], {cell.min + inset, cell.max - inset});
     for (uint32_t z = range.low[2]; z <= range.high[2]; ++z) {
       for (uint32_t y = range.low[1]; y <= range.high[1]; ++y) {
         for (uint32_t x = range.low[0]; x <= range.high[0]; ++x) {

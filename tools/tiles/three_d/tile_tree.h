@@ -49,11 +49,16 @@ class TileTree {
 
  private:
   static constexpr uint32_t kParts = 64;  // of a cell: 4 x 4 x 4, or 8 x 8
+  // A cell's corner, and parts of it a unit along each axis.
+  struct CellFrame {
+    Vec3d corner, parts;
+  };
   struct Level {
     std::vector<TreeTile> tiles;
     double margin = 0;
     // For each part of each tile of the level before the tile that has it, or the nearest one.
     std::vector<uint32_t> tile_of_part;
+    std::vector<CellFrame> frames;  // of the tiles
   };
   struct PartRange {
     std::array<uint32_t, 3> low{}, high{};
@@ -69,7 +74,9 @@ class TileTree {
     const auto at = static_cast<uint32_t>(part);
     return {at % n, at / n % n, at / n / n};
   }
-  PartRange PartsIn(const TreeTile& tile, const Box3d& box) const;
+  CellFrame FrameOf(const TreeTile& tile) const;
+  void SetFrames(Level* level) const;
+  PartRange PartsIn(const CellFrame& cell, const Box3d& box) const;
   Box3d BoxOfPart(const TreeTile& tile, std::array<uint32_t, 3> at) const;
   // Calls visit(tile of `level`, part) for what the triangle is within `margin` of.
   template <typename Visit>
