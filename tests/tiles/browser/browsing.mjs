@@ -12,7 +12,7 @@ import {PNG} from 'pngjs';
 export const [mtdb, folder, pictures] = process.argv.slice(2);
 export const packages = join(dirname(fileURLToPath(import.meta.url)), 'node_modules');
 export const run = (...args) => execFileSync(mtdb, args, {cwd: folder, stdio: ['ignore', 'pipe', 'inherit']});
-const types = {js: 'text/javascript', mjs: 'text/javascript', json: 'application/json', css: 'text/css', wasm: 'application/wasm', png: 'image/png'};
+const types = {html: 'text/html', js: 'text/javascript', mjs: 'text/javascript', json: 'application/json', css: 'text/css', wasm: 'application/wasm', png: 'image/png'};
 
 // `mounts`: paths of URLs and the folders or files behind them. What was asked for: {path, range}.
 export async function serve(page, mounts) {
