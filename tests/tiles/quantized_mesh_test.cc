@@ -1,8 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // What `mtdb tile --as quantized-mesh` writes, read as clients do.
+#include <algorithm>
 #include <cmath>
+#include <cstring>
+#include <random>
 
 #include "tests/tiles/tile_reading.h"
+#include "tools/tiles/places/geoid_range.h"
 
 namespace mtdb::test {
 namespace {
@@ -81,7 +85,91 @@ TEST_CASE("layer.json says which tiles there are, and errors are the client's ow
   }
   // Where the heights' zero lies nobody said.
   REQUIRE(terrain.answer.at("notes").size() == 1);
-  CHECK(terrain.answer.at("notes").at(0).get<std::string>().find("ellipsoid") != std::string::npos);
+  const std::string note = terrain.answer.at("notes").at(0);
+  CHECK_THAT(note, Catch::Contains("as if they were above the ellipsoid of WGS 84"));
+  CHECK_THAT(note, Catch::Contains("33 to 51 m high there") && Catch::Contains("gdalwarp"));
+  CHECK(layer.at("description") == note);
+}
+
+TEST_CASE("of heights above the ellipsoid there is nothing to be said", "[tile]") {
+  const Folder folder;
+  WriteText(folder.File("t.asc"),
+            "ncols 3\nnrows 3\nxllcenter 11\nyllcenter 47\ncellsize 0.01\n"
+            "100 100 100\n100 300 100\n100 100 100\n");
+  const auto notes = [&](const std::string& crs) {
+    WriteText(folder.File("t.prj"), crs);
+    const std::string store = folder.File("t.mtdb"), tiles = folder.File("tiles");
+    RunOk({"ingest", folder.File("t.asc"), store, "--replace", "--quiet"});
+    return RunJson({"tile", store, tiles, "--as", "quantized-mesh", "--replace"}).at("notes");
+  };
+  // What gdalwarp writes for EPSG:4979, and the same without heights.
+  const std::string begin =
+      "GEOGCRS[\"WGS 84\",DATUM[\"World Geodetic System 1984\",ELLIPSOID[\"WGS "
+      "84\",6378137,298.257223563,LENGTHUNIT[\"metre\",1]]],PRIMEM[\"Greenwich\",0,ANGLEUNIT["
+      "\"degree\",0.0174532925199433]],CS[ellipsoidal,";
+  const std::string axes =
+      "AXIS[\"geodetic latitude (Lat)\",north,ORDER[1],ANGLEUNIT[\"degree\",0.0174532925199433]],"
+      "AXIS[\"geodetic longitude (Lon)\",east,ORDER[2],ANGLEUNIT[\"degree\",0.0174532925199433]]";
+  const std::string up =
+      ",AXIS[\"ellipsoidal height (h)\",up,ORDER[3],LENGTHUNIT[\"metre\",1]],ID[\"EPSG\",4979]]";
+  CHECK(notes(begin + "3]," + axes + up).empty());
+  CHECK(notes(begin + "2]," + axes + ",ID[\"EPSG\",4326]]").size() == 1);
+}
+
+// A number of the grid's file, whose bytes are in the other order.
+template <typename T>
+T NumberIn(const std::string& bytes, size_t offset) {
+  std::array<char, sizeof(T)> turned{};
+  std::reverse_copy(bytes.begin() + static_cast<ptrdiff_t>(offset),
+                    bytes.begin() + static_cast<ptrdiff_t>(offset + sizeof(T)), turned.begin());
+  T number{};
+  std::memcpy(&number, turned.data(), sizeof(T));
+  return number;
+}
+
+TEST_CASE("the geoid is between what is said of it, as PROJ's grid has it", "[tile]") {
+  // Debian's proj-data: from the south pole and 180 degrees west on, in quarters of a degree.
+  const std::string grid = ReadText("/usr/share/proj/egm96_15.gtx");
+  if (grid.size() != 40 + 4 * 721 * 1440) {
+    WARN("skipped: without proj-data");
+    return;
+  }
+  // Between nodes, counted in quarters of a degree.
+  const auto lowest_and_highest = [&](int west, int south, int east, int north) {
+    float low = 1000, high = -1000;
+    for (int row = south; row <= north; ++row) {
+      for (int column = west; column <= east; ++column) {
+        const auto at = static_cast<size_t>(1440 * row + column % 1440);
+        const auto height = NumberIn<float>(grid, 40 + 4 * at);
+        low = std::min(low, height);
+        high = std::max(high, height);
+      }
+    }
+    return std::pair(static_cast<int>(std::floor(low)), static_cast<int>(std::ceil(high)));
+  };
+  std::mt19937 random(1);
+  for (int i = 0; i < 300; ++i) {
+    const int west = static_cast<int>(random() % 1440), south = static_cast<int>(random() % 721);
+    const int east = west + static_cast<int>(random() % 100);
+    const int north = std::min(south + static_cast<int>(random() % 100), 720);
+    const GeoidRange range =
+        GeoidOver({west / 4.0 - 180, south / 4.0 - 90, east / 4.0 - 180, north / 4.0 - 90});
+    const auto [low, high] = lowest_and_highest(west, south, east, north);
+    CHECK(range.low <= low);
+    CHECK(range.high >= high);
+  }
+  // Of a single cell it says no more than there is.
+  for (int south = 0; south < 720; south += 40) {
+    for (int west = 0; west < 1440; west += 40) {
+      const double x = west / 4.0 - 180, y = south / 4.0 - 90;
+      const GeoidRange range = GeoidOver({x, y, x + 9.9, y + 9.9});
+      CHECK(std::pair(range.low, range.high) ==
+            lowest_and_highest(west, south, west + 40, south + 40));
+    }
+  }
+  const GeoidRange earth = GeoidOver({-180, -90, 180, 90});
+  CHECK(earth.low == -107);
+  CHECK(earth.high == 86);
 }
 
 TEST_CASE("tiles cover their squares, and neighbours agree on their sides to the unit", "[tile]") {

@@ -12,6 +12,7 @@
 #include "tools/tiles/json_reading.h"
 #include "tools/tiles/level/vertex_table.h"
 #include "tools/tiles/places/geodesy.h"
+#include "tools/tiles/places/geoid_range.h"
 #include "tools/tiles/places/globe_grid.h"
 #include "tools/tiles/places/grid_range.h"
 #include "tools/tiles/places/terrain_clip.h"
@@ -447,12 +448,19 @@ class QuantizedMesh final : public TileFormat {
 
 std::string HeightWarning(const ObjectRecord& record) {
   const std::string datum = record.raster ? record.raster->vertical_datum : "";
-  const bool ellipsoidal = datum.find("llipsoid") != std::string::npos;
+  // As a datum, or as the third axis of a geographic system.
+  const bool ellipsoidal = datum.find("llipsoid") != std::string::npos ||
+                           record.georeference.find("CS[ellipsoidal,3]") != std::string::npos;
   if (ellipsoidal) return "";
+  const Box3d& b = record.bounds;
+  const GeoidRange geoid = GeoidOver({b.min.x, b.min.y, b.max.x, b.max.y});
   return "heights are written as if they were above the ellipsoid of WGS 84, but the raster " +
          (datum.empty() ? std::string("does not say what they are above")
                         : "has them above " + datum) +
-         "; heights above the sea are off by the geoid, -107 to 86 m";
+         "; heights above the sea are off by the geoid, which is " + std::to_string(geoid.low) +
+         " to " + std::to_string(geoid.high) +
+         " m high there (EGM96); 'gdalwarp -s_srs EPSG:4326+5773 -t_srs EPSG:4979' makes a raster "
+         "of heights above the ellipsoid of such a one, to ingest anew";
 }
 
 Result<std::unique_ptr<TileFormat>> MakeQuantizedMesh(const ObjectRecord& record,
