@@ -222,6 +222,20 @@ TEST_CASE("trees of tiles take no more temporary files than they may", "[tile]")
   CHECK(made() == 2);
   CHECK(server.Get(base + "tileset.json").body == set);
   CHECK(made() == 3);
+  CHECK(server.Metric("mtdb_tile_space_evictions_total") == 2);
+  CHECK(server.Metric("mtdb_tile_space_bytes") > 50'000);
+  CHECK(server.Metric("mtdb_tile_space_bytes") < 160'000);
+  CHECK(server.Metric("mtdb_tile_space_limit_bytes") == 170 * 1024);
+}
+
+TEST_CASE("tiles larger than meshes may be are refused", "[tile]") {
+  const ServerProcess server(TheExample().store, {"--max-triangles", "5000"});
+  const std::string base = "/objects/sculpture/3dtiles/";
+  CHECK(server.Get(base + "tileset.json").status == 200);
+  const HttpAnswer answer = server.Get(base + "0/0_0_0_0.glb");
+  CHECK(answer.status == 400);
+  CHECK_THAT(answer.error(), Catch::Contains("at most 5000") && Catch::Contains("tile-triangles"));
+  CHECK(server.Get(base + "tile-triangles=2000/0/0_0_0_0.glb").status == 200);
 }
 
 TEST_CASE("clients who ask for one tree at once have it made once", "[tile]") {

@@ -35,6 +35,8 @@ class PreparedLevel {
 
   const LevelMesh& mesh() const { return mesh_; }
   uint32_t tiles() const { return tiles_; }
+  // Triangles of a tile, before any are added or left out.
+  uint64_t CountOf(uint32_t tile) const { return buckets_.Count(tile); }
   uint64_t file_bytes() const { return mesh_.file_bytes() + buckets_.file_bytes(); }
   // A tile's file; `triangles` is for the caller to keep its memory.
   Result<TileFile> Encode(TileFormat& format, TileId id,

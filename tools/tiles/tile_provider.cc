@@ -19,7 +19,7 @@ uint64_t TileProviderBytes(uint64_t triangles) { return triangles * kBytesPerTri
 Result<std::unique_ptr<TileProvider>> TileProvider::Make(const Surface& surface,
                                                          std::unique_ptr<TileFormat> format,
                                                          const Options& options) {
-  std::unique_ptr<TileProvider> provider(new TileProvider());
+  std::unique_ptr<TileProvider> provider(new TileProvider(options.most_triangles));
   provider->format_ = std::move(format);
   TileFormat& tiles = *provider->format_;
   PrepareOptions prepare;
@@ -49,6 +49,14 @@ Result<std::optional<Bytes>> TileProvider::Read(const std::string& path) const {
   }
   const std::optional<TileId> id = format_->Find(path);
   if (!id) return std::optional<Bytes>();
+  const uint64_t count = levels_[id->level]->CountOf(id->tile);
+  if (count > most_triangles_) {
+    return Status(StatusCode::kUnsupported,
+                  "the tile has " + std::to_string(count) + " triangles, but at most " +
+                      std::to_string(most_triangles_) +
+                      " are encoded on request; ask for smaller tiles (tile-triangles) or for a "
+                      "deeper level, or let `mtdb tile` write the tree");
+  }
   std::vector<LevelTriangle> triangles;
   MTDB_ASSIGN_OR_RETURN(TileFile file, levels_[id->level]->Encode(*format_, *id, &triangles));
   if (file.bytes.empty()) return std::optional<Bytes>();

@@ -27,6 +27,8 @@ class TileProvider {
   struct Options {
     std::string tmp_directory;
     QueryControl* control = nullptr;  // stops Make(); may be null
+    // Read() refuses larger tiles, each of whose triangles takes some 200 bytes of memory there.
+    uint64_t most_triangles = 2'000'000;
   };
   // `format` as it was made. Reads the whole object, and the finest level takes most of it. Errors:
   // kCancelled, those of the surface and of files.
@@ -36,12 +38,13 @@ class TileProvider {
 
   // Of temporary files.
   uint64_t file_bytes() const { return file_bytes_; }
-  // The file of this path in the tree; none: the tree has no such file.
+  // The file of this path in the tree; none: the tree has no such file. kUnsupported: see Options.
   Result<std::optional<Bytes>> Read(const std::string& path) const;
 
  private:
-  TileProvider() = default;
+  explicit TileProvider(uint64_t most_triangles) : most_triangles_(most_triangles) {}
 
+  const uint64_t most_triangles_;
   std::unique_ptr<TileFormat> format_;
   std::vector<std::unique_ptr<PreparedLevel>> levels_;
   std::map<std::string, std::string> files_;  // beside the tiles, by name

@@ -35,7 +35,7 @@ void AddHead(std::string* text, const std::string& name, const char* type, const
 }  // namespace
 
 std::string ServerMetrics::Text(const Cache& cache, const Shared& temporary,
-                                const Shared& sessions_memory) const {
+                                const Shared& sessions_memory, const Shared& tiles) const {
   std::string text;
   const auto add = [&](const std::string& name, const char* type, const char* help,
                        uint64_t value) {
@@ -73,6 +73,12 @@ std::string ServerMetrics::Text(const Cache& cache, const Shared& temporary,
   add("mtdb_temporary_limit_bytes", gauge, "The most that they may be.", temporary.limit);
   add("mtdb_temporary_evictions_total", counter,
       "Answers that were broken off so that others found room.", temporary.evictions);
+
+  add("mtdb_tile_space_bytes", gauge, "Bytes of what tiles are made of, in temporary files.",
+      tiles.bytes);
+  add("mtdb_tile_space_limit_bytes", gauge, "The most that they may be.", tiles.limit);
+  add("mtdb_tile_space_evictions_total", counter,
+      "Trees of tiles that were given up so that others found room.", tiles.evictions);
 
   add("mtdb_sessions", gauge, "Open sessions.", sessions);
   add("mtdb_sessions_total", counter, "Sessions opened.", sessions_opened);

@@ -46,8 +46,8 @@ class ServerMetrics {
     uint64_t limit = 0;
     uint64_t evictions = 0;
   };
-  std::string Text(const Cache& cache, const Shared& temporary,
-                   const Shared& sessions_memory) const;
+  std::string Text(const Cache& cache, const Shared& temporary, const Shared& sessions_memory,
+                   const Shared& tiles) const;
 
  private:
   std::string RequestsText() const;

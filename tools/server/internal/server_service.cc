@@ -505,7 +505,9 @@ Result<ServerAnswer> ServerService::Tile(const RequestTarget& target, const Serv
     MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Surface> surface, OpenSurface(name));
     if (!IsSameObject(surface->record(), record)) return NotFound("replaced meanwhile");
     ++metrics_.queries;
-    return TileProvider::Make(*surface, std::move(format), {folder_, &call.control});
+    return TileProvider::Make(
+        *surface, std::move(format),
+        {folder_, &call.control, std::min(options_.max_triangles, kMaxKeptTriangles)});
   };
   MTDB_ASSIGN_OR_RETURN(const ServedTiles::Provider provider,
                         tiles_.Open(tree, TileProviderBytes(record.triangles), make));
@@ -537,7 +539,8 @@ ServerAnswer ServerService::Metrics() {
   const auto figures = [](const ServerLedger& ledger) {
     return ServerMetrics::Shared{ledger.bytes(), ledger.limit(), ledger.evictions()};
   };
-  answer.body = metrics_.Text(cache, figures(temporary_), figures(session_memory_));
+  answer.body =
+      metrics_.Text(cache, figures(temporary_), figures(session_memory_), tiles_.figures());
   return answer;
 }
 

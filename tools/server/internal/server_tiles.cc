@@ -97,11 +97,11 @@ ServedTiles::Provider ServedTiles::Find(const std::string& tree) {
   return entries_.back().provider;
 }
 
-uint64_t ServedTiles::file_bytes() {
+ServerMetrics::Shared ServedTiles::figures() {
   const std::lock_guard lock(mutex_);
   uint64_t bytes = 0;
   for (const Entry& entry : entries_) bytes += entry.provider->file_bytes();
-  return bytes;
+  return {bytes, most_bytes_, evictions_};
 }
 
 Status ServedTiles::Reserve(uint64_t bytes) {
@@ -117,6 +117,7 @@ Status ServedTiles::Reserve(uint64_t bytes) {
   uint64_t taken = reserved_bytes_ + bytes;
   for (const Entry& entry : entries_) taken += entry.provider->file_bytes();
   while (taken > most_bytes_ && !entries_.empty()) {
+    ++evictions_;
     taken -= entries_.front().provider->file_bytes();
     closed.push_back(std::move(entries_.front()));
     entries_.erase(entries_.begin());

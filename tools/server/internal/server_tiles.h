@@ -14,6 +14,7 @@
 #include "store/object_record.h"
 #include "tools/server/http/server_request.h"
 #include "tools/server/internal/named_locks.h"
+#include "tools/server/internal/server_metrics.h"
 #include "tools/tiles/tile_choice.h"
 #include "tools/tiles/tile_provider.h"
 
@@ -51,7 +52,7 @@ class ServedTiles {
   // kUnsupported: it is more than there may be at all; kBusy: trees that are being made have it.
   Result<Provider> Open(const std::string& tree, uint64_t bytes,
                         const std::function<Result<std::unique_ptr<TileProvider>>()>& make);
-  uint64_t file_bytes();
+  ServerMetrics::Shared figures();
 
  private:
   struct Entry {
@@ -66,6 +67,7 @@ class ServedTiles {
   std::mutex mutex_;
   std::vector<Entry> entries_;   // the last used last
   uint64_t reserved_bytes_ = 0;  // for those that are being made
+  uint64_t evictions_ = 0;
 };
 
 }  // namespace mtdb::internal

@@ -2,6 +2,7 @@
 #include "tools/tiles/three_d/three_d_tiles.h"
 
 #include <algorithm>
+#include <charconv>
 #include <cmath>
 #include <string>
 #include <utility>
@@ -120,16 +121,14 @@ class ThreeDTiles final : public TileFormat {
   }
 
   std::optional<TileId> Find(std::string_view path) const override {
-    for (uint32_t level = 0; level < frames_.size(); ++level) {
-      if (!path.starts_with(std::to_string(level) + "/")) continue;
-      const std::vector<TreeTile>& tiles = tree_.level(level);
-      for (uint32_t i = 0; i < tiles.size(); ++i) {
-        if (!tiles[i].content.empty() && path == PathOf(level, tiles[i]) + ".glb") {
-          return TileId{level, i};
-        }
-      }
-    }
-    return std::nullopt;
+    const auto [level, tile] = TileIn(path);
+    if (level >= frames_.size() || path != PathOf(level, tile) + ".glb") return std::nullopt;
+    const std::vector<TreeTile>& tiles = tree_.level(level);
+    const auto at = std::find_if(tiles.begin(), tiles.end(), [&, &asked = tile](const TreeTile& t) {
+      return t.depth == asked.depth && t.cell == asked.cell && !t.content.empty();
+    });
+    if (at == tiles.end()) return std::nullopt;
+    return TileId{level, static_cast<uint32_t>(at - tiles.begin())};
   }
 
   TileLevel EndLevel() override {
@@ -185,6 +184,21 @@ class ThreeDTiles final : public TileFormat {
     std::string path = std::to_string(level) + "/" + std::to_string(tile.depth);
     for (size_t i = 0; i < (is_terrain_ ? 2u : 3u); ++i) path += "_" + std::to_string(tile.cell[i]);
     return path;
+  }
+
+  // The level and tile whose path begins like this; of another text it is any.
+  static std::pair<uint32_t, TreeTile> TileIn(std::string_view path) {
+    std::array<uint32_t, 5> numbers{};
+    const char* at = path.data();
+    for (uint32_t& number : numbers) {
+      const auto [end, error] = std::from_chars(at, path.data() + path.size(), number);
+      if (error != std::errc() || end == path.data() + path.size()) break;
+      at = end + 1;
+    }
+    TreeTile tile;
+    tile.depth = numbers[1];
+    tile.cell = {numbers[2], numbers[3], numbers[4]};
+    return {numbers[0], tile};
   }
 
   // What clients are told: 0 where there is nothing better.
