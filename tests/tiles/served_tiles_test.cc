@@ -55,6 +55,13 @@ std::string TerrainStore(const Folder& folder) {
   return folder.File("t.mtdb");
 }
 
+std::string TypeOf(const std::string& name) {
+  if (name.ends_with(".json") || name.ends_with("info")) return "application/json";
+  if (name.ends_with(".glb")) return "model/gltf-binary";
+  if (name.ends_with(".png")) return "image/png";
+  return name.ends_with(".terrain") ? "application/vnd.quantized-mesh" : "application/octet-stream";
+}
+
 void CheckSame(const ServerProcess& server, const std::string& base,
                const std::map<std::string, std::string>& files, size_t least) {
   INFO(base);
@@ -64,12 +71,7 @@ void CheckSame(const ServerProcess& server, const std::string& base,
     const HttpAnswer answer = server.Get(base + name);
     CHECK(answer.status == 200);
     CHECK(answer.body == bytes);
-    const bool is_glb = name.ends_with(".glb"), is_json = name.ends_with(".json");
-    const bool is_png = name.ends_with(".png");
-    CHECK(answer.header("Content-Type") == (is_glb    ? "model/gltf-binary"
-                                            : is_json ? "application/json"
-                                            : is_png  ? "image/png"
-                                                      : "application/vnd.quantized-mesh"));
+    CHECK(answer.header("Content-Type") == TypeOf(name));
   }
 }
 
@@ -115,6 +117,45 @@ TEST_CASE("the server gives tiles of terrains for globes and maps", "[tile]") {
              Catch::Contains("immutable"));
   CHECK(server.Get(base + "quantized-mesh/0/0/0.terrain?v=0").header("Cache-Control") ==
         "no-cache");
+}
+
+TEST_CASE("the server gives neuroglancer's files, and parts of fragments", "[tile]") {
+  const Example example(30000);
+  const Folder folder;
+  const Arguments options{"--as", "neuroglancer", "--tile-triangles", "1000"};
+  const auto files = Written(example.store, folder, options);
+  const ServerProcess server(example.store, {"--allowed-origin", "*"});
+  const std::string base = "/objects/sculpture/neuroglancer/tile-triangles=1000/";
+  CheckSame(server, base, files, 4);
+  const auto more = Written(
+      example.store, folder,
+      {"--as", "neuroglancer", "--bits", "10", "--pixels", "3", "--resolution", "100,200,300"});
+  CheckSame(server, "/objects/sculpture/neuroglancer/bits=10&pixels=3&resolution=100,200,300/",
+            more, 4);
+  const std::string& fragments = files.at("1");
+  REQUIRE(fragments.size() > 10'000);
+  const auto part = [&](const std::string& range) {
+    return Ask(server, base + "1", "Range: bytes=" + range + "\r\n");
+  };
+  // Across the files of levels that it is made of, too.
+  for (size_t begin = 0; begin < fragments.size(); begin += 997) {
+    const size_t size = std::min<size_t>(1500, fragments.size() - begin);
+    const HttpAnswer answer = part(std::to_string(begin) + "-" + std::to_string(begin + size - 1));
+    CHECK(answer.status == 206);
+    CHECK(answer.body == fragments.substr(begin, size));
+    CHECK(answer.header("Access-Control-Expose-Headers") == "ETag, Content-Range");
+  }
+  CHECK(part("7-9").header("Content-Range") == "bytes 7-9/" + std::to_string(fragments.size()));
+  CHECK(part(std::to_string(fragments.size()) + "-").status == 416);
+  CHECK(Ask(server, base + "1", "Range: bytes=7-9\r\nIf-Range: \"other\"\r\n").body == fragments);
+  CHECK(server.Get(base + "2").code() == "no_such_tile");
+  CHECK(server.Get(base + "0/0_0_0.drc").code() == "no_such_tile");
+  CHECK(server.Get("/objects/sculpture/neuroglancer/sharded=true/info").status == 400);
+  // A name that is a number is the id; a terrain in degrees has no place there.
+  const std::string terrain = TerrainStore(folder);
+  CHECK(ServerProcess(terrain).Get("/objects/t/neuroglancer/info").status == 400);
+  RunOk({"rename", example.store, "sculpture", "47"});
+  CHECK(server.Get("/objects/47/neuroglancer/tile-triangles=1000/47").body == fragments);
 }
 
 TEST_CASE("a tile is sent again only when its object or its options have changed", "[tile]") {

@@ -2,7 +2,6 @@
 #include "tools/cli/tile_formats.h"
 
 #include <algorithm>
-#include <charconv>
 #include <set>
 #include <string_view>
 #include <utility>
@@ -21,14 +20,6 @@ struct GivenOption {
   std::vector<std::string_view> formats;
 };
 
-std::optional<uint64_t> NumberIn(std::string_view text) {
-  uint64_t number = 0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
-  const bool is_plain = error == std::errc() && end == text.data() + text.size() &&
-                        (text.size() == 1 || text[0] != '0');
-  return is_plain ? std::optional(number) : std::nullopt;
-}
-
 Status Unclear(const std::string& text) {
   return InvalidArgument("--ids: expected all, or ID=NAME,ID=NAME with whole numbers, found '" +
                          text + "'");
@@ -41,7 +32,7 @@ Result<std::vector<NeuroglancerSegment>> NamedSegments(const std::string& list,
     const size_t comma = std::min(list.find(',', begin), list.size());
     const std::string part = list.substr(begin, comma - begin);
     const size_t equals = part.find('=');
-    const auto id = NumberIn(std::string_view(part).substr(0, equals));
+    const auto id = SegmentIdIn(std::string_view(part).substr(0, equals));
     if (equals == std::string::npos || !id) return Unclear(part);
     MTDB_ASSIGN_OR_RETURN(ObjectRecord record, database.Find(part.substr(equals + 1)));
     segments.push_back({*id, std::move(record)});
@@ -55,12 +46,12 @@ std::vector<NeuroglancerSegment> NumberedSegments(std::vector<ObjectRecord> reco
             [](const ObjectRecord& a, const ObjectRecord& b) { return a.name < b.name; });
   std::set<uint64_t> taken;
   for (const ObjectRecord& record : records) {
-    if (const auto number = NumberIn(record.name)) taken.insert(*number);
+    if (const auto number = SegmentIdIn(record.name)) taken.insert(*number);
   }
   std::vector<NeuroglancerSegment> segments;
   uint64_t next = 1;
   for (ObjectRecord& record : records) {
-    std::optional<uint64_t> id = NumberIn(record.name);
+    std::optional<uint64_t> id = SegmentIdIn(record.name);
     if (!id) {
       while (taken.contains(next)) ++next;
       id = next++;
@@ -101,16 +92,6 @@ Status CheckTileArguments(const TileArguments& a) {
     return InvalidArgument("--ids: names objects itself; leave --name out");
   }
   return Status::Ok();
-}
-
-NeuroglancerSetOptions NeuroglancerSetOf(const TileArguments& arguments) {
-  NeuroglancerSetOptions set;
-  if (const auto& r = arguments.resolution) set.resolution = Vec3d{(*r)[0], (*r)[1], (*r)[2]};
-  set.bits = arguments.bits.value_or(set.bits);
-  set.tile_triangles = arguments.tile_triangles.value_or(set.tile_triangles);
-  set.pixels = arguments.pixels.value_or(set.pixels);
-  set.sharded = arguments.sharded;
-  return set;
 }
 
 Result<std::vector<NeuroglancerSegment>> SegmentsOf(const TileArguments& arguments,

@@ -20,20 +20,17 @@ struct TileArguments : TileChoice {
   OpenOptions open;
   std::string output;  // a folder, or an archive
   std::string name;
-  std::optional<std::string> ids;                 // neuroglancer: a list, or "all"
-  std::optional<std::vector<double>> resolution;  // neuroglancer: three numbers
-  std::optional<int> bits;                        // neuroglancer
-  bool sharded = false;                           // neuroglancer
-  std::optional<uint64_t> memory_bytes;           // none: a quarter of the machine's
-  unsigned threads = 0;                           // 0: one per core
-  std::string tmp;                                // folder of temporary files; empty: the output
+  std::optional<std::string> ids;        // neuroglancer: a list, or "all"
+  bool sharded = false;                  // neuroglancer
+  std::optional<uint64_t> memory_bytes;  // none: a quarter of the machine's
+  unsigned threads = 0;                  // 0: one per core
+  std::string tmp;                       // folder of temporary files; empty: the output
   bool force = false, quiet = false, json = false;
 };
 
 // An option that is for another kind of tiles, or a name that is: kInvalidArgument.
 Status CheckTileArguments(const TileArguments& arguments);
 
-NeuroglancerSetOptions NeuroglancerSetOf(const TileArguments& arguments);
 // The segments that --ids names, or the object of --name, by their ids. A name that is a number is
 // its id; others get the least that are free, in the order of the names.
 Result<std::vector<NeuroglancerSegment>> SegmentsOf(const TileArguments& arguments,

@@ -1,14 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tools/tiles/tile_choice.h"
 
+#include <algorithm>
 #include <cmath>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "tools/request/arguments.h"
+#include "tools/tiles/neuroglancer/segment_files.h"
 #include "tools/tiles/quantized/quantized_mesh.h"
 #include "tools/tiles/terrain_rgb/terrain_rgb.h"
 #include "tools/tiles/three_d/three_d_tiles.h"
+#include "tools/tiles/tile_provider.h"
 
 namespace mtdb {
 
@@ -48,6 +52,16 @@ Status SetTilePixels(const std::string& text, TileChoice* choice) {
   return Status::Ok();
 }
 
+Status SetResolution(const std::string& text, TileChoice* choice) {
+  MTDB_ASSIGN_OR_RETURN(choice->resolution, ParseResolution(text));
+  return Status::Ok();
+}
+Status SetBits(const std::string& text, TileChoice* choice) {
+  if (text != "10" && text != "16") return Unexpected(text, "10 or 16");
+  choice->bits = text == "10" ? 10 : 16;
+  return Status::Ok();
+}
+
 struct TileOption {
   std::string_view format, name;
   Status (*set)(const std::string& text, TileChoice* choice);
@@ -59,7 +73,11 @@ constexpr TileOption kTileOptions[] = {{"3dtiles", "at", SetPlace},
                                        {"quantized-mesh", "max-level", SetMostLevel},
                                        {"terrain-rgb", "max-level", SetMostLevel},
                                        {"terrain-rgb", "encoding", SetEncoding},
-                                       {"terrain-rgb", "tile-pixels", SetTilePixels}};
+                                       {"terrain-rgb", "tile-pixels", SetTilePixels},
+                                       {"neuroglancer", "pixels", SetPixels},
+                                       {"neuroglancer", "tile-triangles", SetTriangles},
+                                       {"neuroglancer", "resolution", SetResolution},
+                                       {"neuroglancer", "bits", SetBits}};
 
 Result<std::unique_ptr<TileFormat>> TerrainRgbOf(const TileChoice& choice,
                                                  const ObjectRecord& record, Json* identity) {
@@ -87,6 +105,13 @@ Result<uint64_t> ParseTileTriangles(const std::string& text) {
   const auto count = ParseCount(text);
   if (!count.ok() || (*count >= 100 && *count <= 10'000'000)) return count;
   return Unexpected(text, "a number from 100 to 10000000");
+}
+
+Result<Vec3d> ParseResolution(const std::string& text) {
+  MTDB_ASSIGN_OR_RETURN(const std::vector<double> n, ParseNumbers(text, 3, "X,Y,Z"));
+  const auto is_length = [](double v) { return v > 0 && v <= 1e15; };
+  if (std::all_of(n.begin(), n.end(), is_length)) return Vec3d{n[0], n[1], n[2]};
+  return Unexpected(text, "X,Y,Z in nanometres, above 0");
 }
 
 Status SetTileOption(const std::string& name, const std::string& value, TileChoice* choice) {
@@ -119,6 +144,39 @@ Result<std::unique_ptr<TileFormat>> MakeTileFormat(const TileChoice& choice,
     (*identity)["at"] = {at->longitude, at->latitude, at->height};
   }
   return MakeThreeDTiles(record, options);
+}
+
+NeuroglancerSetOptions NeuroglancerSetOf(const TileChoice& choice) {
+  NeuroglancerSetOptions set;
+  set.resolution = choice.resolution;
+  set.bits = choice.bits.value_or(set.bits);
+  set.tile_triangles = choice.tile_triangles.value_or(set.tile_triangles);
+  set.pixels = choice.pixels.value_or(set.pixels);
+  return set;
+}
+
+Result<Json> TileIdentityOf(const TileChoice& choice, const ObjectRecord& record) {
+  Json identity;
+  if (choice.format == "neuroglancer") {
+    MTDB_RETURN_IF_ERROR(CheckSegment(record));
+    const NeuroglancerSetOptions set = NeuroglancerSetOf(choice);
+    identity = {{"bits", set.bits}, {"tile_triangles", set.tile_triangles}, {"pixels", set.pixels}};
+    if (const auto& r = set.resolution) identity["resolution"] = {r->x, r->y, r->z};
+    return identity;
+  }
+  MTDB_ASSIGN_OR_RETURN(const auto format, MakeTileFormat(choice, record, &identity));
+  return identity;
+}
+
+Result<std::unique_ptr<TileFiles>> MakeTileFiles(const TileChoice& choice, const Surface& surface,
+                                                 const TileFilesOptions& options) {
+  if (choice.format == "neuroglancer") {
+    return MakeSegmentFiles(surface, NeuroglancerSetOf(choice), options);
+  }
+  Json identity;
+  MTDB_ASSIGN_OR_RETURN(std::unique_ptr<TileFormat> format,
+                        MakeTileFormat(choice, surface.record(), &identity));
+  return TileProvider::Make(surface, std::move(format), options);
 }
 
 }  // namespace mtdb

@@ -16,9 +16,9 @@ constexpr uint64_t kBytesPerTriangle = 80;
 
 uint64_t TileProviderBytes(uint64_t triangles) { return triangles * kBytesPerTriangle; }
 
-Result<std::unique_ptr<TileProvider>> TileProvider::Make(const Surface& surface,
-                                                         std::unique_ptr<TileFormat> format,
-                                                         const Options& options) {
+Result<std::unique_ptr<TileFiles>> TileProvider::Make(const Surface& surface,
+                                                      std::unique_ptr<TileFormat> format,
+                                                      const TileFilesOptions& options) {
   std::unique_ptr<TileProvider> provider(new TileProvider(options.most_triangles));
   provider->format_ = std::move(format);
   TileFormat& tiles = *provider->format_;
@@ -39,16 +39,18 @@ Result<std::unique_ptr<TileProvider>> TileProvider::Make(const Surface& surface,
   }
   MTDB_ASSIGN_OR_RETURN(auto files, tiles.Finish());
   for (auto& [name, text] : files) provider->files_.emplace(std::move(name), std::move(text));
-  return provider;
+  return std::unique_ptr<TileFiles>(std::move(provider));
 }
 
-Result<std::optional<Bytes>> TileProvider::Read(const std::string& path) const {
+Result<std::unique_ptr<const TileContent>> TileProvider::Find(const std::string& path) const {
+  std::unique_ptr<const TileContent> content;
   if (const auto file = files_.find(path); file != files_.end()) {
     const ByteSpan text = AsBytes(file->second);
-    return std::optional(Bytes(text.begin(), text.end()));
+    content = std::make_unique<TileBytes>(Bytes(text.begin(), text.end()));
+    return content;
   }
   const std::optional<TileId> id = format_->Find(path);
-  if (!id) return std::optional<Bytes>();
+  if (!id) return content;
   const uint64_t count = levels_[id->level]->CountOf(id->tile);
   if (count > most_triangles_) {
     return Status(StatusCode::kUnsupported,
@@ -59,8 +61,8 @@ Result<std::optional<Bytes>> TileProvider::Read(const std::string& path) const {
   }
   std::vector<LevelTriangle> triangles;
   MTDB_ASSIGN_OR_RETURN(TileFile file, levels_[id->level]->Encode(*format_, *id, &triangles));
-  if (file.bytes.empty()) return std::optional<Bytes>();
-  return std::optional(std::move(file.bytes));
+  if (!file.bytes.empty()) content = std::make_unique<TileBytes>(std::move(file.bytes));
+  return content;
 }
 
 }  // namespace mtdb

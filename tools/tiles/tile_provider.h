@@ -5,13 +5,12 @@
 #include <cstdint>
 #include <map>
 #include <memory>
-#include <optional>
 #include <string>
 #include <vector>
 
-#include "query/query_control.h"
 #include "query/surface.h"
 #include "store/base/status.h"
+#include "tools/tiles/tile_files.h"
 #include "tools/tiles/tile_format.h"
 #include "tools/tiles/tile_level.h"
 
@@ -22,24 +21,16 @@ uint64_t TileProviderBytes(uint64_t triangles);
 
 // Has each level cut and sorted in temporary files, as WriteTileSet() has one after the other; so
 // what it gives is what that one writes, byte for byte. Any thread may read.
-class TileProvider {
+class TileProvider final : public TileFiles {
  public:
-  struct Options {
-    std::string tmp_directory;
-    QueryControl* control = nullptr;  // stops Make(); may be null
-    // Read() refuses larger tiles, each of whose triangles takes some 200 bytes of memory there.
-    uint64_t most_triangles = 2'000'000;
-  };
   // `format` as it was made. Reads the whole object, and the finest level takes most of it. Errors:
   // kCancelled, those of the surface and of files.
-  static Result<std::unique_ptr<TileProvider>> Make(const Surface& surface,
-                                                    std::unique_ptr<TileFormat> format,
-                                                    const Options& options);
+  static Result<std::unique_ptr<TileFiles>> Make(const Surface& surface,
+                                                 std::unique_ptr<TileFormat> format,
+                                                 const TileFilesOptions& options);
 
-  // Of temporary files.
-  uint64_t file_bytes() const { return file_bytes_; }
-  // The file of this path in the tree; none: the tree has no such file. kUnsupported: see Options.
-  Result<std::optional<Bytes>> Read(const std::string& path) const;
+  uint64_t file_bytes() const override { return file_bytes_; }
+  Result<std::unique_ptr<const TileContent>> Find(const std::string& path) const override;
 
  private:
   explicit TileProvider(uint64_t most_triangles) : most_triangles_(most_triangles) {}

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // What the tests in Chromium share: a web server that gives parts of files, a tab that keeps what was
 // said, and pictures.
-import {execFileSync} from 'node:child_process';
+import {execFileSync, spawn} from 'node:child_process';
 import {existsSync, mkdirSync, readFileSync, writeFileSync} from 'node:fs';
 import {createServer} from 'node:http';
 import {dirname, join} from 'node:path';
@@ -39,6 +39,13 @@ export async function serve(page, mounts) {
   });
   await new Promise(done => server.listen(0, '127.0.0.1', done));
   return {url: `http://127.0.0.1:${server.address().port}`, missing, asked, close: () => server.close()};
+}
+
+// `mtdb serve` of a store in the folder, whose tiles pages of `origin` may read.
+export async function serveTiles(store, origin) {
+  const child = spawn(mtdb, ['serve', store, '--listen', '0', '--allowed-origin', origin], {cwd: folder, stdio: ['ignore', 'pipe', 'inherit']});
+  const url = await new Promise(done => child.stdout.once('data', data => done(String(data).trim())));
+  return {url, stop: () => child.kill()};
 }
 
 export const launch = () => chromium.launch({executablePath: '/usr/bin/chromium', timeout: 120000,

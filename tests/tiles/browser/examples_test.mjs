@@ -3,10 +3,9 @@
 // what they load from a network of servers comes from the packages, if it has their version; tiles come
 // from `mtdb serve`, which is another origin, and from a folder.
 import assert from 'node:assert/strict';
-import {spawn} from 'node:child_process';
 import {existsSync, readFileSync, writeFileSync} from 'node:fs';
 import {join} from 'node:path';
-import {folder, launch, mtdb, open, packages, picture, run, serve} from './browsing.mjs';
+import {folder, launch, open, packages, picture, run, serve, serveTiles} from './browsing.mjs';
 
 const examples = process.env.MTDB_EXAMPLES;
 const types = {js: 'text/javascript', mjs: 'text/javascript', json: 'application/json', css: 'text/css', wasm: 'application/wasm'};
@@ -37,12 +36,6 @@ async function answer(route) {
   }
   unknown.push(url);
   return route.abort();
-}
-
-async function serveTiles(store, origin) {
-  const child = spawn(mtdb, ['serve', store, '--listen', '0', '--allowed-origin', origin], {cwd: folder, stdio: ['ignore', 'pipe', 'inherit']});
-  const url = await new Promise(done => child.stdout.once('data', data => done(String(data).trim())));
-  return {url, stop: () => child.kill()};
 }
 
 async function show(page, parameters) {
@@ -136,6 +129,9 @@ try {
   const state = JSON.parse(decodeURIComponent(tab.url().split('#!')[1]));
   assert.deepEqual(state.layers, [{type: 'segmentation', name: 'cells', source: `precomputed://${web.url}/cells`, segments: ['1']}]);
   await tab.close();
+  const served = await show('neuroglancer.html', {source: `${land.url}/objects/land/neuroglancer`});
+  await served.tab.waitForURL('https://neuroglancer-demo.appspot.com/**');
+  await served.tab.close();
 
   await checkWords('cesium.html', {}, /\?tiles=URL/);
   await checkWords('three.html', {}, /\?tiles=URL/);

@@ -5,7 +5,7 @@ import assert from 'node:assert/strict';
 import {readFileSync} from 'node:fs';
 import {join} from 'node:path';
 import {build} from 'esbuild';
-import {countBackground, folder, launch, open, packages, picture, run, serve} from './browsing.mjs';
+import {countBackground, folder, launch, open, packages, picture, run, serve, serveTiles} from './browsing.mjs';
 
 const library = join(packages, 'neuroglancer/lib');
 const app = join(folder, 'app');
@@ -37,8 +37,8 @@ function levelsFetched(tree, id) {
   return new Set(begins.map(begin => ends.findIndex(e => begin < e)));
 }
 
-async function look(name, tree, segments, view) {
-  const state = {layers: [{type: 'segmentation', name: tree, source: `precomputed://${server.url}/${tree}`, segments}],
+async function look(name, tree, segments, view, source = `${server.url}/${tree}`) {
+  const state = {layers: [{type: 'segmentation', name: tree, source: `precomputed://${source}`, segments}],
     layout: '3d', showAxisLines: false, showSlices: false, projectionBackgroundColor: '#ff00ff', ...view};
   server.asked.length = 0;
   const {tab, said} = await open(browser, `${server.url}/#!${encodeURIComponent(JSON.stringify(state))}`);
@@ -68,12 +68,18 @@ try {
   const unit = 1000, middle = [0, 1, 2].map(i => unit * (bounds.min[i] + bounds.max[i]) / 2);
   const dimensions = {x: [1e-9, 'm'], y: [1e-9, 'm'], z: [1e-9, 'm']};
   // From the side, so that what is near is finer than what is far.
-  const seen = await look('neuroglancer', 'near', ['1'], {dimensions, position: middle,
-    projectionScale: 0.35 * unit * diagonal, projectionOrientation: [Math.sin(-1.05), 0, 0, Math.cos(-1.05)]});
+  const near = {dimensions, position: middle, projectionScale: 0.35 * unit * diagonal, projectionOrientation: [Math.sin(-1.05), 0, 0, Math.cos(-1.05)]};
+  const seen = await look('neuroglancer', 'near', ['1'], near);
   const levels = levelsFetched('near', '1');
   console.log(`neuroglancer: ${levels.size} levels, ${seen.cracks} pixels of cracks, ${seen.background} of ${seen.pixels} of background`);
   assert.ok(levels.size >= 3, 'few levels only');
   assert.equal(seen.cracks, 0);
+  // The same fragments from a server of another origin: the same picture.
+  const tiles = await serveTiles('land.mtdb', server.url);
+  const served = await look('neuroglancer_served', 'near', ['1'], near, `${tiles.url}/objects/land/neuroglancer/tile-triangles=4000`);
+  tiles.stop();
+  console.log(`neuroglancer, served: ${served.cracks} pixels of cracks, ${served.background} of background`);
+  assert.deepEqual([served.cracks, served.background], [0, seen.background]);
 
   for (const [name, triangles] of [['left', '20000'], ['7', '5000']]) {
     run('generate', 'sculpture', name + '.ply', '--triangles', triangles, '--quiet');

@@ -102,7 +102,8 @@ const Verb kServeVerb{
     "          curl 'http://127.0.0.1:8080/objects/statue/mesh?error=0.5&format=glb' "
     "-o statue.glb\n"
     "Tiles:    /objects/NAME/3dtiles/tileset.json, .../quantized-mesh/layer.json,\n"
-    "          .../terrain-rgb/tiles.json; options of mtdb tile stand in the path:\n"
+    "          .../terrain-rgb/tiles.json, .../neuroglancer/info; options of mtdb tile\n"
+    "          stand in the path:\n"
     "          /objects/statue/3dtiles/at=11.57,48.14,520&pixels=4/tileset.json\n"
     "More: docs/protocol.md, docs/tiles.md",
     AddServe};

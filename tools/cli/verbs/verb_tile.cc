@@ -26,13 +26,6 @@ namespace {
 
 constexpr uint64_t kLeastMemory = uint64_t{256} << 20;
 
-Result<std::vector<double>> ParseResolution(const std::string& text) {
-  auto numbers = ParseNumbers(text, 3, "X,Y,Z");
-  const auto is_length = [](double v) { return v > 0 && v <= 1e15; };
-  if (!numbers.ok() || std::all_of(numbers->begin(), numbers->end(), is_length)) return numbers;
-  return Unexpected(text, "X,Y,Z in nanometres, above 0");
-}
-
 void PrintTileReport(const TileArguments& arguments, const ObjectRecord& record,
                      const TileSetReport& report, double seconds) {
   const Json notes = TileNotesOf(arguments, record);
@@ -107,8 +100,9 @@ Result<TileSetReport> TileObject(TileRun* run, const Surface& surface) {
 
 Result<TileSetReport> TileSegments(TileRun* run, const std::vector<NeuroglancerSegment>& segments) {
   const auto open = [run](const ObjectRecord& record) { return run->Open(record.name); };
-  return WriteNeuroglancer(segments, open, run->arguments.output, NeuroglancerSetOf(run->arguments),
-                           run->options);
+  NeuroglancerSetOptions set = NeuroglancerSetOf(run->arguments);
+  set.sharded = run->arguments.sharded;
+  return WriteNeuroglancer(segments, open, run->arguments.output, set, run->options);
 }
 
 Status Tile(const TileArguments& arguments) {

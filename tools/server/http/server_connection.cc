@@ -380,7 +380,8 @@ class Connection final : public ServerPeer, public std::enable_shared_from_this<
                 "\r\nContent-Length: " + std::to_string(size) + "\r\n";
     }
     if (answer_.for_pages && !loop_.options.allowed_origin.empty()) {
-      chunk_ += "Access-Control-Allow-Origin: " + loop_.options.allowed_origin + "\r\n";
+      chunk_ += "Access-Control-Allow-Origin: " + loop_.options.allowed_origin +
+                "\r\nAccess-Control-Expose-Headers: ETag, Content-Range\r\n";
     }
     for (const auto& [name, value] : answer_.headers) chunk_ += name + ": " + value + "\r\n";
     chunk_ += keep_alive_ ? "Connection: keep-alive\r\n\r\n" : "Connection: close\r\n\r\n";

@@ -81,15 +81,19 @@ std::shared_ptr<const PackedImage> PackedImages::Find(const ObjectRecord& record
   return images_.back();
 }
 
-PackedPart FindPackedPart(const PackedImage& image, const PackedRequest& request) {
+RangedPart FindPart(const std::string& text, uint64_t size) {
+  const std::optional<ByteRange> range = ParseRange(text, size);
+  if (!range) return {200, {0, size}};
+  if (range->bytes == 0) return {416, {}};
+  return {206, *range};
+}
+
+RangedPart FindPackedPart(const PackedImage& image, const PackedRequest& request) {
   const std::string etag = '"' + image.content_hash() + '"';
   const bool other = (!request.hash.empty() && request.hash != image.content_hash()) ||
                      (!request.if_range.empty() && request.if_range != etag);
   if (other) return {412, {}};
-  const std::optional<ByteRange> range = ParseRange(request.range, image.size());
-  if (!range) return {200, {0, image.size()}};
-  if (range->bytes == 0) return {416, {}};
-  return {206, *range};
+  return FindPart(request.range, image.size());
 }
 
 }  // namespace mtdb::internal

@@ -42,12 +42,14 @@ struct PackedRequest {
 };
 
 // What the answer is.
-struct PackedPart {
+struct RangedPart {
   unsigned status = 200;  // 206: of a range; 412: of another file; 416: the range is none of it
   ByteRange range;        // of the file
 };
+// `range`: the header Range.
+RangedPart FindPart(const std::string& range, uint64_t size);
 // One range with one bound or two; several are answered as RFC 9110 has it for who does not
 // understand them: with all of the file.
-PackedPart FindPackedPart(const PackedImage& image, const PackedRequest& request);
+RangedPart FindPackedPart(const PackedImage& image, const PackedRequest& request);
 
 }  // namespace mtdb::internal

@@ -24,6 +24,7 @@
 #include "tools/request/mesh_output.h"
 #include "tools/request/report_json.h"
 #include "tools/server/internal/server_page.h"
+#include "tools/tiles/tile_provider.h"
 
 namespace mtdb::internal {
 
@@ -127,14 +128,15 @@ Status ReadSessionParameters(const RequestTarget& target, ServerSession::Options
   return Status::Ok();
 }
 
-// Small parts in memory, others in a temporary file.
-Status FillPacked(const PackedImage& image, ByteRange range, const std::string& folder,
-                  ServerCall& call, ServerAnswer* answer) {
+// Small parts in memory, others in a temporary file. `read(range)` gives bytes.
+template <typename Read>
+Status FillAnswer(const Read& read, ByteRange range, const std::string& folder, ServerCall& call,
+                  ServerAnswer* answer) {
   constexpr uint64_t kBlock = uint64_t{1} << 20;
   const uint64_t end = range.offset + range.bytes;
   for (uint64_t at = range.offset; at < end;) {
     if (call.control.cancelled()) return {StatusCode::kCancelled, "cancelled"};
-    MTDB_ASSIGN_OR_RETURN(const Bytes block, image.Read({at, std::min(kBlock, end - at)}));
+    MTDB_ASSIGN_OR_RETURN(const Bytes block, read(ByteRange{at, std::min(kBlock, end - at)}));
     if (range.bytes <= kBlock) {
       answer->body.assign(reinterpret_cast<const char*>(block.data()), block.size());
       return Status::Ok();
@@ -155,21 +157,25 @@ Status FillPacked(const PackedImage& image, ByteRange range, const std::string& 
   return Status::Ok();
 }
 
-// Likewise, what is in memory already.
-Status FillTile(ByteSpan bytes, const std::string& folder, ServerCall& call, ServerAnswer* answer) {
-  constexpr size_t kLargestBody = size_t{1} << 20;
-  if (bytes.size() <= kLargestBody) {
-    answer->body = AsString(bytes);
-    return Status::Ok();
+// How an answer of a part of a file of `size` bytes begins; 416 is whole.
+ServerAnswer RangeAnswer(unsigned status, ByteRange range, uint64_t size) {
+  const std::string of_size = "/" + std::to_string(size);
+  if (status == 416) {
+    ServerAnswer answer =
+        ErrorAnswer(416, "bad_query", "range: the file has " + std::to_string(size) + " bytes");
+    answer.headers.emplace_back("Content-Range", "bytes *" + of_size);
+    return answer;
   }
-  MTDB_ASSIGN_OR_RETURN(answer->file, AnonymousFile::Create(folder));
-  if (!call.temporary->Set(bytes.size())) {
-    call.Cancel(ServerCall::Stop::kNoRoom);
-    return {StatusCode::kCancelled, "cancelled"};
+  ServerAnswer answer;
+  answer.status = status;
+  answer.content_type = "application/octet-stream";
+  answer.headers.emplace_back("Accept-Ranges", "bytes");
+  if (status == 206) {
+    answer.headers.emplace_back("Content-Range",
+                                "bytes " + std::to_string(range.offset) + "-" +
+                                    std::to_string(range.offset + range.bytes - 1) + of_size);
   }
-  if (WriteFully(answer->file.descriptor(), 0, bytes.data(), bytes.size())) return Status::Ok();
-  return errno == ENOSPC ? Status(StatusCode::kNoSpace, "no space for a temporary file")
-                         : Status(StatusCode::kIoError, "a temporary file cannot be written");
+  return answer;
 }
 
 ServerError NoMemory() { return {503, "no_space", "the server is out of memory; try again later"}; }
@@ -179,8 +185,14 @@ ServerAnswer NoSuchPath() {
       404, "no_such_path",
       "there are /, /objects, /objects/NAME, /objects/NAME/mesh, /objects/NAME/packed, "
       "/objects/NAME/probe, /objects/NAME/session, /objects/NAME/3dtiles/tileset.json, "
-      "/objects/NAME/quantized-mesh/layer.json, /objects/NAME/terrain-rgb/tiles.json, /healthz and "
-      "/metrics");
+      "/objects/NAME/quantized-mesh/layer.json, /objects/NAME/terrain-rgb/tiles.json, "
+      "/objects/NAME/neuroglancer/info, /healthz and /metrics");
+}
+
+ServerAnswer NoSuchTile(const TileTarget& tile, const std::string& name) {
+  return ErrorAnswer(404, "no_such_tile",
+                     "the " + tile.choice.format + " tiles of '" + name + "' have no file '" +
+                         tile.file + "'; " + FirstFileOf(tile.choice) + " names those there are");
 }
 
 }  // namespace
@@ -431,30 +443,18 @@ Result<ServerAnswer> ServerService::Packed(const RequestTarget& target,
   }
   MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<const PackedImage> image,
                         images_.Open(*CurrentDatabase(), target.path[1]));
-  const PackedPart part = FindPackedPart(*image, asked);
+  const RangedPart part = FindPackedPart(*image, asked);
   if (part.status == 412) {
     return ErrorAnswer(412, "gone", "the object '" + target.path[1] + "' was replaced meanwhile");
   }
-  const std::string size = std::to_string(image->size());
-  ServerAnswer answer;
-  if (part.status == 416) {
-    answer = ErrorAnswer(416, "bad_query", "range: the file has " + size + " bytes");
-    answer.headers.emplace_back("Content-Range", "bytes */" + size);
-    return answer;
-  }
-  answer.status = part.status;
-  answer.content_type = "application/octet-stream";
+  ServerAnswer answer = RangeAnswer(part.status, part.range, image->size());
+  if (part.status == 416) return answer;
   // What a URL with the hash gives never changes.
-  answer.headers = {
-      {"ETag", '"' + image->content_hash() + '"'},
-      {"Accept-Ranges", "bytes"},
-      {"Cache-Control", asked.hash.empty() ? "no-store" : "private, max-age=31536000, immutable"}};
-  if (part.status == 206) {
-    answer.headers.emplace_back(
-        "Content-Range", "bytes " + std::to_string(part.range.offset) + "-" +
-                             std::to_string(part.range.offset + part.range.bytes - 1) + "/" + size);
-  }
-  MTDB_RETURN_IF_ERROR(FillPacked(*image, part.range, folder_, call, &answer));
+  answer.headers.emplace_back("ETag", '"' + image->content_hash() + '"');
+  answer.headers.emplace_back(
+      "Cache-Control", asked.hash.empty() ? "no-store" : "private, max-age=31536000, immutable");
+  const auto read = [&](ByteRange range) { return image->Read(range); };
+  MTDB_RETURN_IF_ERROR(FillAnswer(read, part.range, folder_, call, &answer));
   return answer;
 }
 
@@ -485,40 +485,39 @@ Result<ServerAnswer> ServerService::Tile(const RequestTarget& target, const Serv
   MTDB_ASSIGN_OR_RETURN(const TileTarget tile, ParseTileTarget(target));
   const std::string& name = target.path[1];
   MTDB_ASSIGN_OR_RETURN(const ObjectRecord record, CurrentDatabase()->Find(name));
-  Json identity;
-  MTDB_ASSIGN_OR_RETURN(std::unique_ptr<TileFormat> format,
-                        MakeTileFormat(tile.choice, record, &identity));
-  const std::string tree =
+  MTDB_ASSIGN_OR_RETURN(const Json identity, TileIdentityOf(tile.choice, record));
+  const std::string name_of_tree =
       record.digest_hex() + ' ' + tile.choice.format + ' ' + identity.Text() + ' ' + name;
-  const std::string tag = TileTag(record, tree, tile.file);
-  // What a URL with the object's version gives never changes.
-  ServerAnswer answer;
-  answer.headers = {
-      {"ETag", tag},
-      {"Cache-Control",
-       tile.version == record.digest_hex() ? "private, max-age=31536000, immutable" : "no-cache"}};
-  if (HasTag(request.if_none_match, tag)) {
-    answer.status = 304;
-    return answer;
-  }
-  const auto make = [&]() -> Result<std::unique_ptr<TileProvider>> {
+  const std::string tag = TileTag(record, name_of_tree, tile.file);
+  const auto make = [&]() -> Result<std::unique_ptr<TileFiles>> {
     MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Surface> surface, OpenSurface(name));
     if (!IsSameObject(surface->record(), record)) return NotFound("replaced meanwhile");
     ++metrics_.queries;
-    return TileProvider::Make(
-        *surface, std::move(format),
+    return MakeTileFiles(
+        tile.choice, *surface,
         {folder_, &call.control, std::min(options_.max_triangles, kMaxKeptTriangles)});
   };
-  MTDB_ASSIGN_OR_RETURN(const ServedTiles::Provider provider,
-                        tiles_.Open(tree, TileProviderBytes(record.triangles), make));
-  MTDB_ASSIGN_OR_RETURN(const std::optional<Bytes> bytes, provider->Read(tile.file));
-  if (!bytes) {
-    return ErrorAnswer(404, "no_such_tile",
-                       "the " + tile.choice.format + " tiles of '" + name + "' have no file '" +
-                           tile.file + "'; " + FirstFileOf(tile.choice) + " names those there are");
+  ServerAnswer answer;
+  if (HasTag(request.if_none_match, tag)) {
+    answer.status = 304;
+  } else {
+    MTDB_ASSIGN_OR_RETURN(const ServedTiles::Tree tree,
+                          tiles_.Open(name_of_tree, TileProviderBytes(record.triangles), make));
+    MTDB_ASSIGN_OR_RETURN(const std::unique_ptr<const TileContent> content, tree->Find(tile.file));
+    if (content == nullptr) return NoSuchTile(tile, name);
+    const bool is_part = request.if_range.empty() || request.if_range == tag;
+    const RangedPart part = FindPart(is_part ? request.range : "", content->size());
+    answer = RangeAnswer(part.status, part.range, content->size());
+    if (part.status == 416) return answer;
+    answer.content_type = TileContentType(tile.file);
+    const auto read = [&](ByteRange range) { return content->Read(range); };
+    MTDB_RETURN_IF_ERROR(FillAnswer(read, part.range, folder_, call, &answer));
   }
-  answer.content_type = TileContentType(tile.file);
-  MTDB_RETURN_IF_ERROR(FillTile(*bytes, folder_, call, &answer));
+  // What a URL with the object's version gives never changes.
+  answer.headers.emplace_back("ETag", tag);
+  answer.headers.emplace_back("Cache-Control", tile.version == record.digest_hex()
+                                                   ? "private, max-age=31536000, immutable"
+                                                   : "no-cache");
   return answer;
 }
 

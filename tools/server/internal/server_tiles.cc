@@ -13,8 +13,8 @@ namespace mtdb::internal {
 
 namespace {
 
-constexpr std::array<std::string_view, 3> kServedFormats{"3dtiles", "quantized-mesh",
-                                                         "terrain-rgb"};
+constexpr std::array<std::string_view, 4> kServedFormats{"3dtiles", "quantized-mesh", "terrain-rgb",
+                                                         "neuroglancer"};
 constexpr size_t kFormatAt = 2;  // in the path
 // Of the bytes that a tree has: another program may make others of the same object.
 constexpr std::string_view kTileVersion = "1";
@@ -78,29 +78,31 @@ bool HasTag(const std::string& if_none_match, const std::string& tag) {
 
 const char* FirstFileOf(const TileChoice& choice) {
   if (choice.format == "quantized-mesh") return "layer.json";
+  if (choice.format == "neuroglancer") return "segment_properties/info";
   return choice.format == "terrain-rgb" ? "tiles.json" : "tileset.json";
 }
 
 const char* TileContentType(const std::string& file) {
+  if (file.ends_with(".json") || file.ends_with("info")) return "application/json";
   if (file.ends_with(".glb")) return "model/gltf-binary";
   if (file.ends_with(".terrain")) return "application/vnd.quantized-mesh";
   if (file.ends_with(".png")) return "image/png";
-  return "application/json";
+  return "application/octet-stream";
 }
 
-ServedTiles::Provider ServedTiles::Find(const std::string& tree) {
+ServedTiles::Tree ServedTiles::Find(const std::string& name) {
   const std::lock_guard lock(mutex_);
   const auto at = std::find_if(entries_.begin(), entries_.end(),
-                               [&](const Entry& entry) { return entry.tree == tree; });
+                               [&](const Entry& entry) { return entry.name == name; });
   if (at == entries_.end()) return nullptr;
   std::rotate(at, at + 1, entries_.end());
-  return entries_.back().provider;
+  return entries_.back().tree;
 }
 
 ServerMetrics::Shared ServedTiles::figures() {
   const std::lock_guard lock(mutex_);
   uint64_t bytes = 0;
-  for (const Entry& entry : entries_) bytes += entry.provider->file_bytes();
+  for (const Entry& entry : entries_) bytes += entry.tree->file_bytes();
   return {bytes, most_bytes_, evictions_};
 }
 
@@ -115,10 +117,10 @@ Status ServedTiles::Reserve(uint64_t bytes) {
   std::vector<Entry> closed;  // after the lock
   const std::lock_guard lock(mutex_);
   uint64_t taken = reserved_bytes_ + bytes;
-  for (const Entry& entry : entries_) taken += entry.provider->file_bytes();
+  for (const Entry& entry : entries_) taken += entry.tree->file_bytes();
   while (taken > most_bytes_ && !entries_.empty()) {
     ++evictions_;
-    taken -= entries_.front().provider->file_bytes();
+    taken -= entries_.front().tree->file_bytes();
     closed.push_back(std::move(entries_.front()));
     entries_.erase(entries_.begin());
   }
@@ -127,22 +129,22 @@ Status ServedTiles::Reserve(uint64_t bytes) {
   return Status::Ok();
 }
 
-Result<ServedTiles::Provider> ServedTiles::Open(
-    const std::string& tree, uint64_t bytes,
-    const std::function<Result<std::unique_ptr<TileProvider>>()>& make) {
-  if (Provider provider = Find(tree)) return provider;
-  MTDB_ASSIGN_OR_RETURN(const NamedLocks::Held making, making_.Take(tree));
-  if (Provider provider = Find(tree)) return provider;
+Result<ServedTiles::Tree> ServedTiles::Open(
+    const std::string& name, uint64_t bytes,
+    const std::function<Result<std::unique_ptr<TileFiles>>()>& make) {
+  if (Tree tree = Find(name)) return tree;
+  MTDB_ASSIGN_OR_RETURN(const NamedLocks::Held making, making_.Take(name));
+  if (Tree tree = Find(name)) return tree;
   MTDB_RETURN_IF_ERROR(Reserve(bytes));
   const auto give_back = [this](uint64_t* reserved) {
     const std::lock_guard lock(mutex_);
     reserved_bytes_ -= *reserved;
   };
   const std::unique_ptr<uint64_t, decltype(give_back)> reserved(&bytes, give_back);
-  MTDB_ASSIGN_OR_RETURN(Provider provider, make());
+  MTDB_ASSIGN_OR_RETURN(Tree tree, make());
   const std::lock_guard lock(mutex_);
-  entries_.push_back({tree, provider});
-  return provider;
+  entries_.push_back({name, tree});
+  return tree;
 }
 
 }  // namespace mtdb::internal

@@ -16,7 +16,7 @@
 #include "tools/server/internal/named_locks.h"
 #include "tools/server/internal/server_metrics.h"
 #include "tools/tiles/tile_choice.h"
-#include "tools/tiles/tile_provider.h"
+#include "tools/tiles/tile_files.h"
 
 namespace mtdb::internal {
 
@@ -43,23 +43,23 @@ const char* TileContentType(const std::string& file);
 // The trees that were asked for last. Safe for many threads.
 class ServedTiles {
  public:
-  using Provider = std::shared_ptr<const TileProvider>;
+  using Tree = std::shared_ptr<const TileFiles>;
   // All trees together may take so much of temporary files.
   explicit ServedTiles(uint64_t most_bytes) : most_bytes_(most_bytes) {}
 
   // The tree of this name, or what `make` gives: one thread at a time makes a tree, the others
   // wait. `bytes`: about what it will take; for it those give way that were used longest ago.
   // kUnsupported: it is more than there may be at all; kBusy: trees that are being made have it.
-  Result<Provider> Open(const std::string& tree, uint64_t bytes,
-                        const std::function<Result<std::unique_ptr<TileProvider>>()>& make);
+  Result<Tree> Open(const std::string& name, uint64_t bytes,
+                    const std::function<Result<std::unique_ptr<TileFiles>>()>& make);
   ServerMetrics::Shared figures();
 
  private:
   struct Entry {
-    std::string tree;
-    Provider provider;
+    std::string name;
+    Tree tree;
   };
-  Provider Find(const std::string& tree);
+  Tree Find(const std::string& name);
   Status Reserve(uint64_t bytes);
 
   const uint64_t most_bytes_;

@@ -15,29 +15,24 @@
 #include "tools/request/read_file.h"
 #include "tools/tiles/json_reading.h"
 #include "tools/tiles/neuroglancer/fragment_manifest.h"
-#include "tools/tiles/neuroglancer/neuroglancer_levels.h"
 #include "tools/tiles/neuroglancer/shard_file.h"
-#include "tools/tiles/places/tile_placement.h"
 #include "tools/tiles/tile_folder.h"
 
 namespace mtdb {
 
 namespace {
 
-constexpr double kClientPixels = 10;  // what clients have set
-constexpr double kFarAway = 8;        // times an object's size
-constexpr double kNanometresOfMetre = 1e9;
-
-Vec3d Times(Vec3d a, Vec3d b) { return {a.x * b.x, a.y * b.y, a.z * b.z}; }
-
 class NeuroglancerWriter {
  public:
   NeuroglancerWriter(const std::vector<NeuroglancerSegment>& segments, const SurfaceOpener& open,
                      const NeuroglancerSetOptions& set, const TileSetOptions& options,
                      TileFolder& folder)
-      : segments_(segments), open_(open), set_(set), options_(options), folder_(folder) {
-    ChooseMove();
-  }
+      : segments_(segments),
+        open_(open),
+        set_(set),
+        options_(options),
+        folder_(folder),
+        moved_(NeuroglancerMove(segments, set)) {}
 
   Result<TileSetReport> Run() {
     if (folder_.progress().contains("complete")) {
@@ -51,8 +46,10 @@ class NeuroglancerWriter {
     }
     for (size_t i = 0; i < segments_.size(); ++i) MTDB_RETURN_IF_ERROR(WriteParts(i));
     MTDB_RETURN_IF_ERROR(Assemble());
-    MTDB_RETURN_IF_ERROR(WriteJson("segment_properties/info", Properties()));
-    MTDB_RETURN_IF_ERROR(WriteJson("info", Info()));
+    MTDB_RETURN_IF_ERROR(WriteJson("segment_properties/info", NeuroglancerProperties(segments_)));
+    Json info = NeuroglancerInfo(set_, moved_);
+    if (layout_) info["sharding"] = layout_->ToJson();
+    MTDB_RETURN_IF_ERROR(WriteJson("info", info));
     Json levels(Json::Array{});
     for (const TileLevel& level : report_.levels) levels.push_back(TileLevelJson(level));
     MTDB_RETURN_IF_ERROR(folder_.Record({{"levels", std::move(levels)},
@@ -77,22 +74,6 @@ class NeuroglancerWriter {
     std::filesystem::remove(folder_.path() + "/" + kTileParts, error);
     return Status::Ok();
   }
-  Vec3d ResolutionOf(const ObjectRecord& record) const {
-    const double unit = NanometresOf(record);
-    return set_.resolution.value_or(Vec3d{unit, unit, unit});
-  }
-
-  // Far from its origin float32, which clients compute with, has no room for details.
-  void ChooseMove() {
-    Box3d all;
-    for (const NeuroglancerSegment& s : segments_) {
-      all.Add(Times(s.record.bounds.min, ResolutionOf(s.record)));
-      all.Add(Times(s.record.bounds.max, ResolutionOf(s.record)));
-    }
-    if (Length(all.min) <= kFarAway * Diagonal(all)) return;
-    for (int i = 0; i < 3; ++i) moved_[i] = static_cast<double>(static_cast<float>(all.min[i]));
-  }
-
   Result<TileSetReport> WrittenBefore() {
     try {
       for (const Json& level : ElementsOf(At(folder_.progress(), "levels"))) {
@@ -112,11 +93,6 @@ class NeuroglancerWriter {
   Status WriteParts(size_t index) {
     const NeuroglancerSegment& s = segments_[index];
     MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Surface> surface, open_(s.record));
-    NeuroglancerOptions how;
-    how.resolution = ResolutionOf(s.record);
-    how.moved = moved_;
-    how.bits = set_.bits;
-    how.tile_triangles = set_.tile_triangles;
     TileSetOptions options = options_;
     options.identity["moved"] = {moved_.x, moved_.y, moved_.z};
     if (options_.progress) {
@@ -126,7 +102,8 @@ class NeuroglancerWriter {
                                  s.record.name + ": " + what);
       };
     }
-    const std::unique_ptr<TileFormat> format = MakeNeuroglancerLevels(s.record, how);
+    const std::unique_ptr<TileFormat> format =
+        MakeNeuroglancerLevels(s.record, NeuroglancerOptionsOf(s.record, set_, moved_));
     MTDB_ASSIGN_OR_RETURN(const TileSetReport report,
                           WriteTileSet(*surface, PartsOf(s), *format, options));
     report_.levels_found += report.levels_found;
@@ -191,33 +168,6 @@ class NeuroglancerWriter {
     return WriteShards(folder_.path(), *layout_, entries);
   }
 
-  Json Info() const {
-    Json info = {{"@type", "neuroglancer_multilod_draco"},
-                 {"vertex_quantization_bits", set_.bits},
-                 {"transform", {1, 0, 0, moved_.x, 0, 1, 0, moved_.y, 0, 0, 1, moved_.z}},
-                 {"lod_scale_multiplier", kClientPixels / set_.pixels},
-                 {"segment_properties", "segment_properties"}};
-    if (layout_) info["sharding"] = layout_->ToJson();
-    return info;
-  }
-
-  Json Properties() const {
-    Json ids(Json::Array{}), names(Json::Array{}), triangles(Json::Array{});
-    for (const NeuroglancerSegment& s : segments_) {
-      ids.push_back(std::to_string(s.id));
-      names.push_back(s.record.name);
-      triangles.push_back(s.record.triangles);
-    }
-    Json properties(Json::Array{});
-    properties.push_back({{"id", "label"}, {"type", "label"}, {"values", std::move(names)}});
-    properties.push_back({{"id", "triangles"},
-                          {"type", "number"},
-                          {"data_type", "float32"},
-                          {"values", std::move(triangles)}});
-    return {{"@type", "neuroglancer_segment_properties"},
-            {"inline", {{"ids", std::move(ids)}, {"properties", std::move(properties)}}}};
-  }
-
   Status WriteJson(const std::string& name, const Json& json) {
     const std::string text = json.Text() + "\n";
     report_.file_bytes += text.size();
@@ -230,7 +180,7 @@ class NeuroglancerWriter {
   const NeuroglancerSetOptions& set_;
   const TileSetOptions& options_;
   TileFolder& folder_;
-  Vec3d moved_;
+  const Vec3d moved_;
   std::optional<ShardLayout> layout_;
   TileSetReport report_;
 };
@@ -253,20 +203,11 @@ Json IdentityOf(const std::vector<NeuroglancerSegment>& segments, const Neurogla
 
 }  // namespace
 
-double NanometresOf(const ObjectRecord& record) {
-  return record.units.empty() ? 1 : MetresOf(record) * kNanometresOfMetre;
-}
-
 Result<TileSetReport> WriteNeuroglancer(const std::vector<NeuroglancerSegment>& segments,
                                         const SurfaceOpener& open, const std::string& path,
                                         const NeuroglancerSetOptions& set,
                                         const TileSetOptions& options) {
-  for (const NeuroglancerSegment& s : segments) {
-    if (!IsInDegrees(s.record)) continue;
-    return InvalidArgument(s.record.name +
-                           ": a terrain in degrees has no place in neuroglancer's space of "
-                           "nanometres; --as quantized-mesh or 3dtiles puts it on the globe");
-  }
+  for (const NeuroglancerSegment& s : segments) MTDB_RETURN_IF_ERROR(CheckSegment(s.record));
   return CatchOutOfMemory([&]() -> Result<TileSetReport> {
     TileSetOptions of_segment = options;
     of_segment.force = true;  // what is in "parts" is of this program alone

@@ -2,36 +2,17 @@
 // WriteNeuroglancer: objects of a store as segments of a multi-resolution mesh for neuroglancer.
 #pragma once
 
-#include <cstdint>
 #include <functional>
 #include <memory>
-#include <optional>
 #include <string>
 #include <vector>
 
 #include "query/surface.h"
 #include "store/object_record.h"
+#include "tools/tiles/neuroglancer/neuroglancer_info.h"
 #include "tools/tiles/tile_set.h"
 
 namespace mtdb {
-
-struct NeuroglancerSegment {
-  uint64_t id = 0;
-  ObjectRecord record;
-};
-
-struct NeuroglancerSetOptions {
-  std::optional<Vec3d> resolution;  // nanometres of a unit; none: of the object's own units
-  int bits = 16;                    // of positions in a fragment: 10 or 16
-  uint64_t tile_triangles = 50'000;
-  // Clients draw a level when its error covers so many pixels as they have set, 10 at first. The
-  // mesh says errors so much larger that they then refine at `pixels`.
-  double pixels = 2;
-  bool sharded = false;
-};
-
-// Nanometres of a unit of the object's lengths; 1 where nobody said what they are in.
-double NanometresOf(const ObjectRecord& record);
 
 using SurfaceOpener = std::function<Result<std::shared_ptr<Surface>>(const ObjectRecord& record)>;
 
