@@ -97,4 +97,17 @@ struct Comparison {
 // threads.
 Result<Comparison> Compare(const Surface& a, const Surface& b, const CompareOptions& options = {});
 
+// The attributes that MapDistances adds: float32, rounded outwards.
+inline constexpr const char* kLowDistance = "distance_low";
+inline constexpr const char* kHighDistance = "distance_high";
+
+// Sends A at full resolution to the sink, and of each vertex the interval of its distance from B as
+// two more attributes. Intervals become as narrow as the width (without one, a quarter of the
+// tolerance, or 1/10,000 of the diagonal around both) and decide the tolerance, as far as rounding
+// lets them; beyond the reach they stay wide. Region, time and who asks mean nothing here. Memory
+// does not depend on the size of A. Errors: those of Compare and of the sink; kInvalidArgument when
+// A has such attributes.
+Status MapDistances(const Surface& a, const Surface& b, const CompareOptions& options,
+                    MeshSink& sink);
+
 }  // namespace mtdb

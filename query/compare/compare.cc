@@ -2,52 +2,19 @@
 #include "query/compare.h"
 
 #include <algorithm>
-#include <cmath>
-#include <string>
 #include <utility>
 
+#include "query/compare/check_options.h"
 #include "query/compare/one_sided.h"
-#include "query/compare/outward.h"
 #include "query/fields/stopwatch.h"
 #include "query/query_control.h"
 #include "store/base/out_of_memory.h"
-#include "store/metres_of_unit.h"
 
 namespace mtdb {
 
 using namespace internal;
 
 namespace {
-
-constexpr double kStandardWidth = 1e-4;  // of the diagonal
-
-Status CheckLength(const std::optional<double>& value, const char* name) {
-  if (!value || (*value >= 0 && *value <= 1e30)) return Status::Ok();
-  return InvalidArgument(std::string(name) + ": expected a length from 0 to 1e30, found " +
-                         std::to_string(*value));
-}
-
-Status CheckSurface(const Surface& surface) {
-  const std::array<double, 2> metres = MetresOfUnit(surface.record());
-  if (metres[0] == 1 && metres[1] == 1) return Status::Ok();
-  return InvalidArgument(surface.record().name +
-                         ": its places are in degrees and its heights are not, so that it has no "
-                         "distances in space; compare terrains in a projection with metres");
-}
-
-Status CheckOptions(const Surface& a, const Surface& b, const CompareOptions& options) {
-  MTDB_RETURN_IF_ERROR(CheckLength(options.tolerance, "tolerance"));
-  MTDB_RETURN_IF_ERROR(CheckLength(options.width, "width"));
-  MTDB_RETURN_IF_ERROR(CheckLength(options.reach, "reach"));
-  if (options.max_milliseconds && !(*options.max_milliseconds >= 0)) {
-    return InvalidArgument("max_milliseconds: expected a number that is not negative");
-  }
-  if (!options.a_asks && !options.b_asks) {
-    return InvalidArgument("compare: neither surface asks; let one of them");
-  }
-  MTDB_RETURN_IF_ERROR(CheckSurface(a));
-  return CheckSurface(b);
-}
 
 bool IsCancelled(const QueryControl* control) { return control != nullptr && control->cancelled(); }
 
@@ -89,11 +56,7 @@ class Comparer {
   OneSidedLimits Limits(double part) const {
     OneSidedLimits limits{
         options_.tolerance, options_.width, options_.reach, options_.region, 1, {}};
-    if (!limits.tolerance && !limits.width) {
-      Box3d around = a_.bounds();
-      around.Add(b_.bounds());
-      limits.width = kStandardWidth * Diagonal(around);
-    }
+    if (!limits.tolerance && !limits.width) limits.width = StandardWidth(a_, b_);
     limits.threads = options_.threads > 0 ? options_.threads : ProcessorCount();
     limits.stop = [this, part] {
       if (IsCancelled(options_.control)) return true;
@@ -144,7 +107,7 @@ bool HaveEqualDigests(const ObjectRecord& a, const ObjectRecord& b) {
 
 Result<Comparison> Compare(const Surface& a, const Surface& b, const CompareOptions& options) {
   return CatchOutOfMemory([&]() -> Result<Comparison> {
-    MTDB_RETURN_IF_ERROR(CheckOptions(a, b, options));
+    MTDB_RETURN_IF_ERROR(CheckCompareOptions(a, b, options));
     MTDB_ASSIGN_OR_RETURN(const Placement placement, Placement::Of(options.transform));
     if (placement.identity() && HaveEqualDigests(a.record(), b.record())) return Identical(options);
     return Comparer(a, b, placement, options).Run();

@@ -10,6 +10,7 @@
 #include <thread>
 #include <utility>
 
+#include "query/compare/curve.h"
 #include "query/compare/outward.h"
 #include "store/base/out_of_memory.h"
 
@@ -41,19 +42,6 @@ double FarthestBetween(const Box3d& a, const Box3d& b) {
   return Up(std::sqrt(far2));
 }
 
-// Interleaves the bits of a place in the box, so that neighbours have near numbers.
-uint64_t PlaceOnCurve(const Box3d& box, const Box3d& within) {
-  constexpr int kBits = 20;
-  const Vec3d centre = (box.min + box.max) * 0.5, size = within.max - within.min;
-  uint64_t place = 0;
-  for (int i = 0; i < 3; ++i) {
-    const double part = size[i] > 0 ? (centre[i] - within.min[i]) / size[i] : 0;
-    const auto cell = static_cast<uint64_t>(std::clamp(part, 0.0, 1.0) * ((1 << kBits) - 1));
-    for (int bit = 0; bit < kBits; ++bit) place |= ((cell >> bit) & 1) << (3 * bit + i);
-  }
-  return place;
-}
-
 // Runs `work` on this thread and up to `threads` - 1 others, fewer where no more can be made.
 template <typename Work>
 void WithHelpers(size_t threads, const Work& work) {
@@ -66,18 +54,6 @@ void WithHelpers(size_t threads, const Work& work) {
   }));
   work();
   for (std::thread& helper : helpers) helper.join();
-}
-
-void SortAlongCurve(auto& doubts, const Box3d& bounds) {
-  std::vector<std::pair<uint64_t, uint32_t>> order;
-  order.reserve(doubts.size());
-  for (uint32_t i = 0; i < doubts.size(); ++i) {
-    order.emplace_back(PlaceOnCurve(doubts[i].box, bounds), i);
-  }
-  std::ranges::sort(order);
-  auto sorted = doubts;
-  for (uint32_t i = 0; i < doubts.size(); ++i) sorted[i] = doubts[order[i].second];
-  doubts = std::move(sorted);
 }
 
 double HighestOf(auto first, auto last) {
@@ -308,7 +284,8 @@ void OneSided::LeaveUndecided(const std::vector<Doubt>& doubts) {
 // Neighbours go into one item, so that the cuts around it are small.
 void OneSided::PushGroups(std::vector<Doubt> doubts, size_t level, bool most) {
   if (doubts.empty()) return;
-  SortAlongCurve(doubts, asking_.bounds());
+  SortAlongCurve(doubts, asking_.bounds(),
+                 [](const Doubt& d) { return (d.box.min + d.box.max) * 0.5; });
   const size_t groups = most ? 1 : (doubts.size() + kDoubtsOfItem - 1) / kDoubtsOfItem;
   for (size_t group = 0; group < groups; ++group) {
     const auto first = doubts.begin() + static_cast<ptrdiff_t>(doubts.size() * group / groups);

@@ -5,8 +5,10 @@
 #include <CGAL/Polygon_mesh_processing/distance.h>
 #include <CGAL/Surface_mesh.h>
 #include <algorithm>
+#include <array>
 #include <catch2/catch.hpp>
 #include <cmath>
+#include <cstring>
 #include <limits>
 #include <numbers>
 #include <random>
@@ -237,6 +239,54 @@ TEST_CASE("Each dent of a plane is a place, and nothing else is") {
   CHECK(CompareStored(a, b, options).verdict == CompareVerdict::kWithin);
 }
 
+TEST_CASE("Spikes that no coarse cut shows are found", "[oracle]") {
+  std::mt19937 random(5);
+  const BuiltObject flat = Build(Plane(40, {}, 0), SmallTiles());
+  for (int round = 0; round < 12; ++round) {
+    CAPTURE(round);
+    double highest = 0;
+    TriangleMesh spiky = Plane(40, {}, 0);
+    // Rough everywhere, or flat but for a few spikes.
+    std::uniform_real_distribution<double> height(-0.02, 0.02);
+    for (Vec3d& p : spiky.positions) p.z = round % 2 == 0 ? height(random) : 0;
+    for (int i = 0; i < 5; ++i)
+      spiky.positions[random() % spiky.positions.size()].z = 0.1 + 0.02 * i;
+    for (const Vec3d& p : spiky.positions) highest = std::max(highest, std::abs(p.z));
+    const BuiltObject rough = Build(spiky, SmallTiles());
+    for (const double width : {0.03, 0.01, 1e-4}) {
+      CAPTURE(width);
+      CompareOptions options;
+      options.width = width;
+      const Result<Comparison> found = Compare(*rough.surface, *flat.surface, options);
+      REQUIRE(found.ok());
+      CHECK(found->a_to_b->distance.low <= highest);
+      CHECK(found->a_to_b->distance.high >= highest);
+      CHECK(found->a_to_b->distance.high - found->a_to_b->distance.low < width + 4e-4);
+    }
+  }
+}
+
+TEST_CASE("What a coarse cut hides of a part in doubt is found", "[oracle]") {
+  // A mesa on a plateau: coarse cuts have the plateau only, just within the tolerance. Elsewhere it
+  // is rough, so that most of the cut is not in doubt.
+  TriangleMesh mesh = Plane(100, {}, 0);
+  std::mt19937 random(5);
+  std::uniform_real_distribution<double> noise(-0.01, 0.01);
+  const double mesa = GENERATE(0.0, 0.0022, 0.003, 0.0038);
+  for (Vec3d& p : mesh.positions) {
+    const double r = std::hypot(p.x - 0.7, p.y - 0.7);
+    p.z = r > 0.15 ? noise(random) : 0.0185 + mesa * std::clamp((0.08 - r) / 0.04, 0.0, 1.0);
+  }
+  const BuiltObject a = Build(mesh, SmallTiles()), b = Build(Plane(40, {}, 0), SmallTiles());
+  CompareOptions options;
+  options.tolerance = 0.02;
+  options.b_asks = false;
+  const Comparison found = CompareStored(a, b, options);
+  CHECK(found.verdict == (mesa == 0 ? CompareVerdict::kWithin : CompareVerdict::kExceeds));
+  CHECK(found.distance.high >= 0.0185 + mesa - 1e-4);
+  CHECK(found.a_to_b->places.size() == (mesa == 0 ? 0 : 1));
+}
+
 TEST_CASE("What has no counterpart within the reach is missing") {
   const BuiltObject whole = Build(Plane(100, {}, 0), SmallTiles());
   const BuiltObject part = Build(Clipped(Plane(100, {{0.2, 0.2, 0}}, 0.03), 0.6), SmallTiles());
@@ -328,6 +378,50 @@ TEST_CASE("A comparison that is cancelled says so") {
   const Result<Comparison> found = Compare(*a.surface, *b.surface, options);
   REQUIRE(!found.ok());
   CHECK(found.status().code() == StatusCode::kCancelled);
+}
+
+TEST_CASE("The map holds the distance of each vertex", "[oracle]") {
+  const BuiltObject a = Build(MakeSculpture(4000, 1), SmallTiles());
+  const BuiltObject b = Build(Shaken(MakeSculpture(3000, 1), 0.01), SmallTiles());
+  const TriangleMesh full = Extract(*b.surface, {});
+  CompareOptions options;
+  options.as_stored = true;
+  options.width = GENERATE(1e-1, 1e-2, 1e-4);
+  options.reach = GENERATE(std::optional<double>(), std::optional<double>(5e-3));
+  TriangleMesh map;
+  TriangleMeshSink sink(&map);
+  REQUIRE(MapDistances(*a.surface, *b.surface, options, sink).ok());
+  REQUIRE(map.positions.size() == a.record.vertices);
+  REQUIRE(map.header.attributes.attributes.back().name == kHighDistance);
+  size_t beyond = 0;
+  for (size_t i = 0; i < map.positions.size(); ++i) {
+    std::array<float, 2> interval{};
+    std::memcpy(interval.data(), map.rows.data() + 8 * i, 8);
+    const double distance = Distance(full, map.positions[i]);
+    CHECK(interval[0] <= distance * (1 + 1e-9));
+    CHECK(interval[1] >= distance * (1 - 1e-9));
+    if (options.reach && interval[0] > *options.reach) {
+      ++beyond;
+    } else {
+      CHECK(interval[1] - interval[0] <= *options.width * (1 + 1e-6));
+    }
+  }
+  if (options.reach) CHECK(beyond > 0);
+}
+
+TEST_CASE("A map of one surface onto itself is made with a cache for one") {
+  const BuiltObject a = Build(MakeSculpture(4000, 1), SmallTiles());
+  TriangleMesh map;
+  TriangleMeshSink sink(&map);
+  CompareOptions options;
+  options.tolerance = 1e-3;
+  REQUIRE(MapDistances(*a.surface, *a.surface, options, sink).ok());
+  CHECK(map.triangles.size() == a.record.triangles);
+  TriangleMesh again;
+  TriangleMeshSink into(&again);
+  const BuiltObject mapped = Build(map, SmallTiles());
+  const Status refused = MapDistances(*mapped.surface, *a.surface, options, into);
+  CHECK(refused.code() == StatusCode::kInvalidArgument);
 }
 
 TEST_CASE("Options that mean nothing are refused") {

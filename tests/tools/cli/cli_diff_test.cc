@@ -1,5 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // What `mtdb diff` tells, its exit statuses, and how it refuses.
+#include <array>
+#include <cstring>
+
 #include "tests/tools/cli_testing.h"
 
 namespace mtdb::test {
@@ -102,6 +105,30 @@ TEST_CASE("diff writes a row for each place", "[cli]") {
   CHECK(std::ranges::count(text, '\n') == 3);
   CHECK_THAT(text, Catch::StartsWith("of,verdict,missing,low,high,x,y,z,") &&
                        Catch::Contains("\na,exceeds,0,") && Catch::Contains("\nb,exceeds,0,"));
+}
+
+TEST_CASE("diff stores the map of the distances, also into the store that it reads", "[cli]") {
+  const Pair pair;
+  CHECK(Run(pair.Diff({"--tolerance", "0.4", "--into", pair.store, "map"})).exit_code == 3);
+  const std::string file = pair.folder.File("map.ply");
+  RunOk({"extract", pair.store, file, "--name", "map"});
+  const TriangleMesh mesh = ReadMesh(file);
+  REQUIRE(mesh.positions.size() == 441);
+  REQUIRE(mesh.header.attributes.row_bytes() == 8);
+  for (size_t i = 0; i < mesh.positions.size(); ++i) {
+    std::array<float, 2> interval{};
+    std::memcpy(interval.data(), mesh.rows.data() + 8 * i, 8);
+    const Vec3d p = mesh.positions[i];
+    // Its distance from the sheet with a bump at 7, 12, whose six neighbours are flat.
+    const double near = Length(p - Vec3d{7, 12, 0});
+    CHECK(interval[0] <= (near < 0.1 ? 0.5 : 0.0));
+    CHECK(interval[1] >= (near < 0.1 ? 0.33 : 0.0));
+    CHECK(interval[1] - interval[0] <= 0.1001);
+  }
+  RunFails(1, pair.Diff({"--into", pair.store, "map"}), {"map"});
+  RunFails(2, pair.Diff({"--into", pair.store}), {"--into"});
+  RunOk({"render", pair.store, pair.folder.File("map.png"), "--name", "map", "--colour",
+         "distance_high", "--size", "60x40"});
 }
 
 }  // namespace mtdb::test

@@ -4,9 +4,12 @@
 #include <algorithm>
 #include <chrono>
 #include <cstdio>
+#include <memory>
 #include <vector>
 
+#include "builder/build.h"
 #include "query/query_from_json.h"
+#include "store/database.h"
 #include "tools/cli/grouped.h"
 #include "tools/request/arguments.h"
 #include "tools/request/report_json.h"
@@ -120,6 +123,20 @@ Status WritePlaces(const std::string& path, const Comparison& found) {
   return std::fclose(file) == 0 && written ? Status::Ok() : IoError(path + ": cannot be written");
 }
 
+// Each vertex of A with the interval of its distance, as an object of its own.
+Status WriteMap(const DiffArguments& arguments, const Surface& a, const Surface& b,
+                const CompareOptions& options) {
+  MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Database> database,
+                        Database::Open(arguments.into[0], {.writable = true}));
+  MTDB_ASSIGN_OR_RETURN(const std::unique_ptr<ObjectWriter> writer,
+                        database->Create(arguments.into[1], false));
+  const auto produce = [&](MeshSink& sink) { return MapDistances(a, b, options, sink); };
+  BuildOptions build;
+  build.threads = arguments.threads;
+  build.keep_apart = true;
+  return BuildObject(produce, build, *writer).status();
+}
+
 int ExitStatusOf(const DiffArguments& arguments, const Comparison& found) {
   if (!arguments.tolerance || found.verdict == CompareVerdict::kWithin) return 0;
   return found.verdict == CompareVerdict::kExceeds ? kExceedsStatus : kUndecidedStatus;
@@ -143,8 +160,10 @@ Status Diff(const DiffArguments& arguments, Invocation& invocation) {
   MTDB_ASSIGN_OR_RETURN(const Comparison found, Compare(*a, *b, options));
   const std::chrono::duration<double> seconds = std::chrono::steady_clock::now() - begin;
   if (!arguments.csv.empty()) MTDB_RETURN_IF_ERROR(WritePlaces(arguments.csv, found));
+  if (!arguments.into.empty()) MTDB_RETURN_IF_ERROR(WriteMap(arguments, *a, *b, options));
   if (arguments.json) {
     Json json = ComparisonJson(a->record(), b->record(), found);
+    if (!arguments.into.empty()) json["into"] = arguments.into[0];
     json["seconds"] = {{"total", seconds.count()}};
     PrintAnswer("diff", json);
   } else {

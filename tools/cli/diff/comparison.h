@@ -4,6 +4,7 @@
 
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "query/compare.h"
 #include "tools/cli/query_report.h"
@@ -22,6 +23,7 @@ struct DiffArguments {
   bool as_stored = false;
   unsigned threads = 0;
   std::string csv;
+  std::vector<std::string> into;  // a store and the name of an object; empty: no map
   bool json = false;
   bool verbose = false;
 };

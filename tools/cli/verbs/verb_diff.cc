@@ -38,6 +38,11 @@ RunVerb AddDiff(VerbOptions* verb) {
   AddRegionsAlone(verb, &a->region, "Which points ask (several: in any of them)");
   verb->Add("--csv", a->csv, "write the places that exceed the tolerance, or may, a row each")
       .Form("FILE");
+  verb->Add("--into", a->into,
+            "store A at full resolution in STORE as NAME, with the attributes distance_low and "
+            "distance_high: between them is each vertex' distance from B")
+      .Form("STORE NAME")
+      .Values(2, 2);
   verb->Add("--threads", a->threads, "use N threads (default: one per core)")
       .Form("N")
       .Between(1, 1024);
