@@ -51,6 +51,9 @@ struct CompareOptions {
 enum class CompareVerdict : uint8_t { kWithin, kExceeds, kUndecided };
 
 // A connected part of the asking surface that is farther away than the tolerance, or may be.
+// Outside of the boxes of all places everything is within it. A place of up to 1/16 of the diagonal
+// is not looked into without a width: some of it exceeds the tolerance, and where it ends is left
+// open.
 struct ComparePlace {
   Box3d box;    // around it
   Vec3d point;  // of the asking surface, up to the bound of the cut that it was found in

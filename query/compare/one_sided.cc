@@ -12,6 +12,7 @@
 
 #include "query/compare/curve.h"
 #include "query/compare/outward.h"
+#include "query/compare/touching.h"
 #include "store/base/out_of_memory.h"
 
 namespace mtdb::internal {
@@ -29,8 +30,9 @@ constexpr size_t kDoubtsOfItem = 16'384;
 constexpr size_t kTrianglesPerTake = 64;
 // Of all triangles of an item together, beside what each may have in any case.
 constexpr size_t kMostParts = size_t{1} << 18, kMostPartsAtLast = size_t{1} << 22;
-constexpr double kResolution = 1.0 / 512;  // of places, in the surface's diagonal
-constexpr double kSmallestBox = 1e-3;      // that is cut in two, of the surface's diagonal
+constexpr double kPlaceAsAWhole = 1.0 / 16;  // so small are places that are not looked into
+constexpr double kResolution = 1.0 / 512;    // of places, in the surface's diagonal
+constexpr double kSmallestBox = 1e-3;        // that is cut in two, of the surface's diagonal
 
 // Between points of both boxes, at most.
 double FarthestBetween(const Box3d& a, const Box3d& b) {
@@ -261,12 +263,37 @@ void OneSided::Gather(const Item& item, const std::vector<GapAnswer>& answers) {
     for (const GapPart& part : a.doubts) doubts.push_back({part.box, part.distance});
     in_doubt += a.doubts.empty() ? 0 : 1;
   }
+  if (!goals_.width() && goals_.tolerance()) LeaveRims(answers, &doubts);
   if (item.level + 1 == thresholds_.size()) {
     LeaveUndecided(doubts);
   } else {
     const bool all_asked = item.doubts.empty() || item.most;
     PushGroups(std::move(doubts), item.level + 1, all_asked && in_doubt > answers.size() / 4);
   }
+}
+
+// Where a small place ends exactly decides nothing: what hangs together with a part that exceeds
+// the tolerance belongs to its place, and is not looked at again.
+void OneSided::LeaveRims(const std::vector<GapAnswer>& answers, std::vector<Doubt>* doubts) {
+  std::vector<Box3d> boxes;
+  for (const Doubt& d : *doubts) boxes.push_back(d.box);
+  for (const GapAnswer& a : answers) {
+    for (const GapPart& part : a.excesses) boxes.push_back(part.box);
+  }
+  if (boxes.size() == doubts->size()) return;
+  const std::vector<uint32_t> groups = TouchingGroups(boxes);
+  std::vector<Box3d> around(boxes.size());
+  for (uint32_t i = 0; i < boxes.size(); ++i) around[groups[i]].Add(boxes[i]);
+  std::vector<bool> exceeds(boxes.size());
+  for (size_t i = doubts->size(); i < boxes.size(); ++i) exceeds[groups[i]] = true;
+  const double largest = kPlaceAsAWhole * Diagonal(asking_.bounds());
+  std::vector<Doubt> rims, others;
+  for (uint32_t i = 0; i < doubts->size(); ++i) {
+    const bool is_rim = exceeds[groups[i]] && Diagonal(around[groups[i]]) <= largest;
+    (is_rim ? rims : others).push_back((*doubts)[i]);
+  }
+  LeaveUndecided(rims);
+  *doubts = std::move(others);
 }
 
 void OneSided::LeaveUndecided(const std::vector<Doubt>& doubts) {

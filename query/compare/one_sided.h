@@ -68,6 +68,7 @@ class OneSided {
   bool Ask(const std::vector<Triangle3d>& triangles, const GapQuestion& question,
            std::vector<GapAnswer>* answers);
   void Gather(const Item& item, const std::vector<GapAnswer>& answers);
+  void LeaveRims(const std::vector<GapAnswer>& answers, std::vector<Doubt>* doubts);
   void LeaveUndecided(const std::vector<Doubt>& doubts);
   void PushGroups(std::vector<Doubt> doubts, size_t level, bool most);
 

@@ -2,42 +2,13 @@
 #include "query/compare/places.h"
 
 #include <algorithm>
-#include <cmath>
 #include <cstdint>
-#include <numeric>
 
-#include "query/compare/box_tree.h"
 #include "query/compare/outward.h"
+#include "query/compare/touching.h"
 
 namespace mtdb::internal {
 namespace {
-
-bool Meet(const Box3d& a, const Box3d& b) {
-  for (int i = 0; i < 3; ++i) {
-    if (a.min[i] > b.max[i] || b.min[i] > a.max[i]) return false;
-  }
-  return true;
-}
-
-// Sets of numbers, each with its least member as its name.
-class Groups {
- public:
-  explicit Groups(size_t count) : parents_(count) {
-    std::iota(parents_.begin(), parents_.end(), 0U);
-  }
-  uint32_t Of(uint32_t i) {
-    while (parents_[i] != i) i = parents_[i] = parents_[parents_[i]];
-    return i;
-  }
-  void Unite(uint32_t a, uint32_t b) {
-    a = Of(a);
-    b = Of(b);
-    parents_[std::max(a, b)] = std::min(a, b);
-  }
-
- private:
-  std::vector<uint32_t> parents_;
-};
 
 void Swallow(ComparePlace& place, const ComparePlace& other) {
   place.box.Add(other.box);
@@ -68,22 +39,13 @@ void Places::Join(double within) {
   std::vector<Box3d> boxes;
   boxes.reserve(places_.size());
   for (const ComparePlace& p : places_) boxes.push_back(Grown(p.box, within));
-  const BoxTree tree(boxes);
-  Groups groups(boxes.size());
+  const std::vector<uint32_t> groups = TouchingGroups(boxes);
   for (uint32_t i = 0; i < boxes.size(); ++i) {
-    tree.Any([&](const Box3d& node) { return Meet(node, boxes[i]); },
-             [&](uint32_t place) {
-               const uint32_t other = tree.order()[place];
-               if (Meet(boxes[i], boxes[other])) groups.Unite(i, other);
-               return false;
-             });
-  }
-  for (uint32_t i = 0; i < boxes.size(); ++i) {
-    if (groups.Of(i) != i) Swallow(places_[groups.Of(i)], places_[i]);
+    if (groups[i] != i) Swallow(places_[groups[i]], places_[i]);
   }
   size_t kept = 0;
   for (uint32_t i = 0; i < boxes.size(); ++i) {
-    if (groups.Of(i) == i) places_[kept++] = places_[i];
+    if (groups[i] == i) places_[kept++] = places_[i];
   }
   places_.resize(kept);
 }
