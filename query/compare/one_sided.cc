@@ -103,6 +103,13 @@ void OneSided::MakeThresholds() {
     const double part = *limits_.tolerance * kPartOfTolerance;
     if (part < threshold / 2 && threshold > least) thresholds_.push_back(threshold);
     threshold = std::min(threshold, part);
+  } else {
+    // One of them is a fifth of the width, where both bounds leave intervals that are narrow
+    // enough.
+    const double part = *limits_.width / 5;
+    if (part > 0)
+      threshold = std::min(threshold, part * std::pow(kFall, std::floor(std::log(threshold / part) /
+                                                                        std::log(kFall))));
   }
   // Below this there is nothing between the errors and none.
   const double finest = std::max(2 * least, largest * 0x1p-24);
@@ -260,7 +267,7 @@ void OneSided::Gather(const Item& item, const std::vector<GapAnswer>& answers) {
     for (const GapPart& part : a.excesses) {
       places_.Add({part.box, part.point, part.distance, CompareVerdict::kExceeds, false});
     }
-    for (const GapPart& part : a.doubts) doubts.push_back({part.box, part.distance});
+    AddDoubts(a.doubts, &doubts);
     in_doubt += a.doubts.empty() ? 0 : 1;
   }
   if (!goals_.width() && goals_.tolerance()) LeaveRims(answers, &doubts);
@@ -272,28 +279,56 @@ void OneSided::Gather(const Item& item, const std::vector<GapAnswer>& answers) {
   }
 }
 
-// Where a small place ends exactly decides nothing: what hangs together with a part that exceeds
-// the tolerance belongs to its place, and is not looked at again.
-void OneSided::LeaveRims(const std::vector<GapAnswer>& answers, std::vector<Doubt>* doubts) {
-  std::vector<Box3d> boxes;
-  for (const Doubt& d : *doubts) boxes.push_back(d.box);
-  for (const GapAnswer& a : answers) {
-    for (const GapPart& part : a.excesses) boxes.push_back(part.box);
+// Few boxes are asked faster than many: parts of a small triangle become one.
+void OneSided::AddDoubts(const std::vector<GapPart>& parts, std::vector<Doubt>* doubts) const {
+  Doubt together{{}, {0, 0}};
+  for (const GapPart& part : parts) {
+    together.box.Add(part.box);
+    together.distance.low = std::max(together.distance.low, part.distance.low);
+    together.distance.high = std::max(together.distance.high, part.distance.high);
   }
-  if (boxes.size() == doubts->size()) return;
+  const double small = 4 * kResolution * Diagonal(asking_.bounds());
+  if (!parts.empty() && Diagonal(together.box) <= small) {
+    doubts->push_back(together);
+    return;
+  }
+  for (const GapPart& part : parts) doubts->push_back({part.box, part.distance});
+}
+
+// Where a small place ends exactly decides nothing: what hangs together with a part that exceeds
+// the tolerance belongs to its place, and is not looked at again. But whether some of it is missing
+// is found out.
+void OneSided::LeaveRims(const std::vector<GapAnswer>& answers, std::vector<Doubt>* doubts) {
+  std::vector<Doubt> parts = *doubts;
+  for (const GapAnswer& a : answers) {
+    for (const GapPart& part : a.excesses) parts.push_back({part.box, part.distance});
+  }
+  if (parts.size() == doubts->size()) return;
+  std::vector<Box3d> boxes;
+  for (const Doubt& d : parts) boxes.push_back(d.box);
   const std::vector<uint32_t> groups = TouchingGroups(boxes);
-  std::vector<Box3d> around(boxes.size());
-  for (uint32_t i = 0; i < boxes.size(); ++i) around[groups[i]].Add(boxes[i]);
-  std::vector<bool> exceeds(boxes.size());
-  for (size_t i = doubts->size(); i < boxes.size(); ++i) exceeds[groups[i]] = true;
-  const double largest = kPlaceAsAWhole * Diagonal(asking_.bounds());
-  std::vector<Doubt> rims, others;
-  for (uint32_t i = 0; i < doubts->size(); ++i) {
-    const bool is_rim = exceeds[groups[i]] && Diagonal(around[groups[i]]) <= largest;
-    (is_rim ? rims : others).push_back((*doubts)[i]);
+  std::vector<Doubt> around(parts.size());
+  for (size_t i = 0; i < parts.size(); ++i) {
+    Doubt& group = around[groups[i]];
+    group.box.Add(parts[i].box);
+    group.distance.low = std::max(i == groups[i] ? 0 : group.distance.low, parts[i].distance.low);
+    group.distance.high =
+        std::max(i == groups[i] ? 0 : group.distance.high, parts[i].distance.high);
+  }
+  const std::vector<Doubt> all = std::exchange(*doubts, {});
+  std::vector<Doubt> rims;
+  for (size_t i = 0; i < all.size(); ++i) {
+    (IsKnownPlace(around[groups[i]]) ? rims : *doubts).push_back(all[i]);
   }
   LeaveUndecided(rims);
-  *doubts = std::move(others);
+}
+
+bool OneSided::IsKnownPlace(const Doubt& group) const {
+  const auto& [low, high] = group.distance;
+  const std::optional<double>& reach = goals_.reach();
+  const bool decided = !reach || high <= *reach || low > *reach;
+  return decided && goals_.Exceeds(low) &&
+         Diagonal(group.box) <= kPlaceAsAWhole * Diagonal(asking_.bounds());
 }
 
 void OneSided::LeaveUndecided(const std::vector<Doubt>& doubts) {

@@ -69,6 +69,8 @@ class OneSided {
            std::vector<GapAnswer>* answers);
   void Gather(const Item& item, const std::vector<GapAnswer>& answers);
   void LeaveRims(const std::vector<GapAnswer>& answers, std::vector<Doubt>* doubts);
+  void AddDoubts(const std::vector<GapPart>& parts, std::vector<Doubt>* doubts) const;
+  bool IsKnownPlace(const Doubt& group) const;
   void LeaveUndecided(const std::vector<Doubt>& doubts);
   void PushGroups(std::vector<Doubt> doubts, size_t level, bool most);
 
