@@ -17,7 +17,7 @@
 #include "query/compare.h"
 #include "query/query_control.h"
 #include "tests/builder/fixture.h"
-#include "tests/compare/compare_meshes.h"
+#include "tests/query/compare/compare_meshes.h"
 
 namespace mtdb::testing {
 

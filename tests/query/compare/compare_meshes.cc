@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "tests/compare/compare_meshes.h"
+#include "tests/query/compare/compare_meshes.h"
 
 #include <algorithm>
 #include <cmath>
