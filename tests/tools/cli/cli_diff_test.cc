@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // What `mtdb diff` tells, its exit statuses, and how it refuses.
+#include <algorithm>
 #include <array>
 #include <cstring>
+#include <filesystem>
 
 #include "tests/tools/cli_testing.h"
 
@@ -105,6 +107,19 @@ TEST_CASE("diff writes a row for each place", "[cli]") {
   CHECK(std::ranges::count(text, '\n') == 3);
   CHECK_THAT(text, Catch::StartsWith("of,verdict,missing,low,high,x,y,z,") &&
                        Catch::Contains("\na,exceeds,0,") && Catch::Contains("\nb,exceeds,0,"));
+}
+
+TEST_CASE("diff writes a query of the places, which extract takes", "[cli]") {
+  const Pair pair;
+  const std::string query = pair.folder.File("places.json"), part = pair.folder.File("part.ply");
+  CHECK(Run(pair.Diff({"--tolerance", "0.6", "--places-query", query})).exit_code == 0);
+  CHECK_FALSE(std::filesystem::exists(query));
+  CHECK(Run(pair.Diff({"--tolerance", "0.4", "--places-query", query})).exit_code == 3);
+  RunOk({"extract", pair.store, part, "--name", "bump", "--query", query});
+  const TriangleMesh mesh = ReadMesh(part);
+  CHECK(mesh.triangles.size() >= 4);
+  CHECK(mesh.triangles.size() < 100);
+  CHECK(std::ranges::any_of(mesh.positions, [](Vec3d p) { return p.z == 0.5; }));
 }
 
 TEST_CASE("diff stores the map of the distances, also into the store that it reads", "[cli]") {

@@ -116,7 +116,8 @@ TEST_CASE("every verb explains itself and all its options", "[cli]") {
       {"diff",
        {"A B", "--name", "--other NAME", "--tolerance T", "--width W", "--reach R",
         "--max-milliseconds", "--asks WHOSE", "--transform M", "--as-stored", "--box", "--outside",
-        "--csv FILE", "--into STORE NAME", "--json", "3 exceeds", "4 undecided"}},
+        "--csv FILE", "--places-query FILE", "--into STORE NAME", "--json", "3 exceeds",
+        "4 undecided"}},
       {"follow", {"URL", "--path", "--output", "--csv", "--reconnect", "docs/protocol.md"}},
       {"generate", {"SHAPE OUTPUT", "sculpture", "terrain", "sheets", "--triangles", "--seed"}}};
   const std::string overview = RunOk({"help"});

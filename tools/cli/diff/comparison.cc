@@ -19,6 +19,7 @@ namespace {
 
 constexpr int kExceedsStatus = 3, kUndecidedStatus = 4;
 constexpr size_t kPlacesTold = 10;
+constexpr size_t kPlacesOfQuery = 2000;  // of each object; a query has at most 4096 regions
 
 Result<CompareOptions> OptionsOf(const DiffArguments& arguments, const ObjectRecord& record) {
   CompareOptions options;
@@ -123,13 +124,34 @@ Status WritePlaces(const std::string& path, const Comparison& found) {
   return std::fclose(file) == 0 && written ? Status::Ok() : IoError(path + ": cannot be written");
 }
 
+// A query for what lies in the boxes of the places, as extract --query takes it, the farthest
+// first. Without places there is no region, and nothing is written.
+Status WriteQuery(const std::string& path, const Comparison& found) {
+  Json::Array boxes;
+  for (const std::optional<OneSidedDistance>* side : {&found.a_to_b, &found.b_to_a}) {
+    if (!*side) continue;
+    const std::vector<ComparePlace>& places = (*side)->places;
+    for (size_t i = 0; i < std::min(places.size(), kPlacesOfQuery); ++i) {
+      const Box3d& box = places[i].box;
+      boxes.push_back({{"box", {{"min", Json(box.min)}, {"max", Json(box.max)}}}});
+    }
+  }
+  if (boxes.empty()) return Status::Ok();
+  std::FILE* const file = std::fopen(path.c_str(), "w");
+  if (file == nullptr) return IoError(path + ": cannot be written");
+  PrintJson({{"region", {{"union", std::move(boxes)}}}, {"threshold", "full"}, {"clip", true}},
+            file);
+  const bool written = std::ferror(file) == 0;
+  return std::fclose(file) == 0 && written ? Status::Ok() : IoError(path + ": cannot be written");
+}
+
 // Each vertex of A with the interval of its distance, as an object of its own.
 Status WriteMap(const DiffArguments& arguments, const Surface& a, const Surface& b,
                 const CompareOptions& options) {
   MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Database> database,
-                        Database::Open(arguments.into[0], {.writable = true}));
+                        Database::Open(arguments.files.into[0], {.writable = true}));
   MTDB_ASSIGN_OR_RETURN(const std::unique_ptr<ObjectWriter> writer,
-                        database->Create(arguments.into[1], false));
+                        database->Create(arguments.files.into[1], false));
   const auto produce = [&](MeshSink& sink) { return MapDistances(a, b, options, sink); };
   BuildOptions build;
   build.threads = arguments.threads;
@@ -159,11 +181,14 @@ Status Diff(const DiffArguments& arguments, Invocation& invocation) {
   MTDB_ASSIGN_OR_RETURN(const CompareOptions options, OptionsOf(arguments, a->record()));
   MTDB_ASSIGN_OR_RETURN(const Comparison found, Compare(*a, *b, options));
   const std::chrono::duration<double> seconds = std::chrono::steady_clock::now() - begin;
-  if (!arguments.csv.empty()) MTDB_RETURN_IF_ERROR(WritePlaces(arguments.csv, found));
-  if (!arguments.into.empty()) MTDB_RETURN_IF_ERROR(WriteMap(arguments, *a, *b, options));
+  if (!arguments.files.csv.empty()) MTDB_RETURN_IF_ERROR(WritePlaces(arguments.files.csv, found));
+  if (!arguments.files.places_query.empty()) {
+    MTDB_RETURN_IF_ERROR(WriteQuery(arguments.files.places_query, found));
+  }
+  if (!arguments.files.into.empty()) MTDB_RETURN_IF_ERROR(WriteMap(arguments, *a, *b, options));
   if (arguments.json) {
     Json json = ComparisonJson(a->record(), b->record(), found);
-    if (!arguments.into.empty()) json["into"] = arguments.into[0];
+    if (!arguments.files.into.empty()) json["into"] = arguments.files.into[0];
     json["seconds"] = {{"total", seconds.count()}};
     PrintAnswer("diff", json);
   } else {

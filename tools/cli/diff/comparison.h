@@ -13,6 +13,13 @@
 
 namespace mtdb {
 
+// What is written beside the answer.
+struct DiffFiles {
+  std::string csv;                // the places
+  std::string places_query;       // a query for them
+  std::vector<std::string> into;  // a store and the name of an object; empty: no map
+};
+
 struct DiffArguments {
   QueryArguments a, b;  // of these the store, the object and the cache
   QueryOptions region;
@@ -22,8 +29,7 @@ struct DiffArguments {
   std::string asks = "both";
   bool as_stored = false;
   unsigned threads = 0;
-  std::string csv;
-  std::vector<std::string> into;  // a store and the name of an object; empty: no map
+  DiffFiles files;
   bool json = false;
   bool verbose = false;
 };

@@ -36,9 +36,12 @@ RunVerb AddDiff(VerbOptions* verb) {
   verb->Add("--other", a->b.name, "which object of B; needed when there are several").Form("NAME");
   AddGoals(verb, a.get());
   AddRegionsAlone(verb, &a->region, "Which points ask (several: in any of them)");
-  verb->Add("--csv", a->csv, "write the places that exceed the tolerance, or may, a row each")
+  verb->Add("--csv", a->files.csv, "write the places that exceed the tolerance, or may, a row each")
       .Form("FILE");
-  verb->Add("--into", a->into,
+  verb->Add("--places-query", a->files.places_query,
+            "write a query for the boxes of the places, for extract --query; nothing without any")
+      .Form("FILE");
+  verb->Add("--into", a->files.into,
             "store A at full resolution in STORE as NAME, with the attributes distance_low and "
             "distance_high: between them is each vertex' distance from B")
       .Form("STORE NAME")
