@@ -111,6 +111,24 @@ struct HausdorffMeter::Side {
     return std::sqrt(*std::max_element(largest.begin(), largest.end()));
   }
 
+  std::vector<double> SquaredDistances(const std::vector<Vec3d>& from) const {
+    const unsigned threads = std::max(1u, std::thread::hardware_concurrency());
+    std::vector<double> distances(from.size());
+    std::vector<std::jthread> workers;
+    for (unsigned w = 0; w < threads; ++w) {
+      workers.emplace_back([&, w] {
+        Tree::Point_and_primitive_id nearest = tree.any_reference_point_and_id();
+        for (size_t i = from.size() * w / threads; i < from.size() * (w + 1) / threads; ++i) {
+          const Kernel::Point_3 p(from[i].x, from[i].y, from[i].z);
+          nearest = tree.closest_point_and_primitive(p, nearest);
+          distances[i] = CGAL::squared_distance(p, nearest.first);
+        }
+      });
+    }
+    workers.clear();
+    return distances;
+  }
+
   std::vector<Vec3d> points;
   std::vector<Triangle> triangles;
   Tree tree;
@@ -134,6 +152,14 @@ double OneSidedHausdorff(const TriangleMesh& from, const TriangleMesh& to, uint6
 double SymmetricHausdorff(const TriangleMesh& a, const TriangleMesh& b, uint64_t samples,
                           uint64_t seed) {
   return HausdorffMeter(a, samples, seed).Distance(b);
+}
+
+double LargestVertexDistance(const TriangleMesh& from, const TriangleMesh& to) {
+  const HausdorffMeter::Side surface({{}, to.positions, to.triangles, {}}, 0, 1);
+  std::vector<Vec3d> points = from.positions;
+  SortAlongCurve(points);
+  const std::vector<double> distances = surface.SquaredDistances(points);
+  return std::sqrt(*std::ranges::max_element(distances));
 }
 
 }  // namespace mtdb

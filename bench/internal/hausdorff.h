@@ -36,4 +36,8 @@ double OneSidedHausdorff(const TriangleMesh& from, const TriangleMesh& to, uint6
 double SymmetricHausdorff(const TriangleMesh& a, const TriangleMesh& b, uint64_t samples,
                           uint64_t seed = 1);
 
+// The distance of every vertex of `from` from `to` is measured, and the largest one returned: what
+// programs do that compare scans. With all threads.
+double LargestVertexDistance(const TriangleMesh& from, const TriangleMesh& to);
+
 }  // namespace mtdb

@@ -261,6 +261,8 @@ Violations FalseEnums(const Interface& c, const Texts& texts) {
           WordsOf(texts.at("tools/web/src/mtdb.ts"), "  limit: 'accuracy"));
   compare("LEVELS of Python", WordsOfEnum(c.enums.at("mtdb_verify_level"), 12),
           WordsOf(texts.at("tools/python/mtdb/_database.py"), "LEVELS = "));
+  compare("ASKS of Python", WordsOfEnum(c.enums.at("mtdb_asks"), 10),
+          WordsOf(texts.at("tools/python/mtdb/_compare.py"), "ASKS = "));
   // int8 -> i1, uint16 -> <u2, float32 -> <f4.
   std::vector<std::string> scalars;
   for (const std::string& word : WordsOfEnum(c.enums.at("mtdb_scalar"), 5)) {
@@ -394,7 +396,7 @@ void AddNamesInPython(const std::string& text, Names* names) {
     const std::string& name = function[0][2];
     const bool wanted =
         function[0][1].empty()
-            ? IsIn(name, {"open_database", "connect", "fetch", "read_mesh", "png"})
+            ? IsIn(name, {"compare", "open_database", "connect", "fetch", "read_mesh", "png"})
             : !type.empty() && (!name.starts_with("_") || (type == "Mesh" && name == "__init__"));
     if (!wanted) continue;
     size_t end = open;
@@ -412,7 +414,7 @@ void AddNamesInPython(const std::string& text, Names* names) {
 std::map<std::string, Names> NamesOf(const Texts& texts) {
   std::map<std::string, Names> names;
   names["C"] = NamesInC(InterfaceOf(texts));
-  for (const char* const file : {"_database", "_session", "_mesh", "_terrain"}) {
+  for (const char* const file : {"_compare", "_database", "_session", "_mesh", "_terrain"}) {
     AddNamesInPython(texts.at("tools/python/mtdb/" + std::string(file) + ".py"), &names["Python"]);
   }
   for (const char* const page : {"docs/json.md", "docs/query.md"}) {

@@ -402,6 +402,39 @@ static void check_probes(void) {
         mtdb_cast_ray(object, info.bounds_max, down, HUGE_VAL, NULL, NULL, &error));
 }
 
+static const mtdb_query* query_of_everything(void) {
+  mtdb_query* query = NULL;
+  OK(mtdb_create_query(object, "{}", &query, &error));
+  return query;
+}
+
+static void check_comparisons(void) {
+  const double up[16] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 1, 0, 0, 0, 1};
+  mtdb_json* json = NULL;
+  mtdb_compare_options options;
+  MTDB_INIT(options);
+  OK(mtdb_compare(object, object, NULL, &json, &error));
+  CHECK(strstr(mtdb_get_json_text(json), "\"identical\":true") != NULL);
+  mtdb_free_json(json);
+  options.transform = up;
+  options.has_tolerance = 1;
+  options.asks = MTDB_ASKS_B;
+  OK(mtdb_compare(object, object, &options, &json, &error));
+  CHECK(strstr(mtdb_get_json_text(json), "\"verdict\":\"exceeds\"") != NULL);
+  CHECK(strstr(mtdb_get_json_text(json), "\"a_to_b\"") == NULL);
+  mtdb_free_json(json);
+  options.tolerance = 1.01;
+  options.query = query_of_everything();
+  OK(mtdb_compare(object, object, &options, &json, &error));
+  CHECK(strstr(mtdb_get_json_text(json), "\"verdict\":\"within\"") != NULL);
+  mtdb_free_json(json);
+  mtdb_free_query((mtdb_query*)options.query);
+  options.query = NULL;
+  options.tolerance = -1;
+  FAILS(MTDB_INVALID_ARGUMENT, "tolerance", mtdb_compare(object, object, &options, &json, &error));
+  FAILS(MTDB_INVALID_ARGUMENT, "json", mtdb_compare(object, object, NULL, NULL, &error));
+}
+
 /* What is kept from others: stores from packed files, passwords from messages. */
 static void check_guards(const char* store) {
   char shown[64];
@@ -438,6 +471,7 @@ int main(int argc, char** argv) {
   check_arrays();
   check_controls();
   check_probes();
+  check_comparisons();
   mtdb_free_database(database);
   mtdb_free_object(object);
   printf("all is well\n");

@@ -390,6 +390,32 @@ MTDB_API mtdb_code mtdb_cast_ray(mtdb_object* object, const double origin[3],
                                  const mtdb_probe_options* options, mtdb_hit* hit,
                                  mtdb_error* error);
 
+/* Comparisons. */
+
+/* Whose points ask how far the other object is. */
+typedef enum mtdb_asks MTDB_INT { MTDB_ASKS_BOTH = 0, MTDB_ASKS_A = 1, MTDB_ASKS_B = 2 } mtdb_asks;
+typedef struct mtdb_compare_options {
+  size_t struct_bytes;
+  int has_tolerance; /* not 0: is each point of one object within `tolerance` of the other one? */
+  double tolerance;
+  double width; /* the interval of the largest distance becomes so narrow; 0: without a tolerance
+                   1/10,000 of the diagonal */
+  double reach; /* what is farther away is missing, and how far is not looked for; 0: infinite */
+  int has_max_milliseconds;
+  double max_milliseconds;
+  const mtdb_query* query; /* its region says which points ask; NULL: all */
+  const double* transform; /* 16 numbers, row by row: maps B into A's coordinates; NULL: none */
+  mtdb_asks asks;          /* whose points ask */
+  int as_stored;           /* not 0: what is stored is compared, not the inputs before rounding */
+  uint32_t threads;        /* 0: as many as the machine has */
+  const mtdb_control* control; /* cancels */
+} mtdb_compare_options;
+/* How far two objects are apart, and where, with a proof. `json`: what docs/json.md says of
+ * mtdb/diff/1, without "seconds". `options` may be NULL. MTDB_INVALID_ARGUMENT for numbers that
+ * mean nothing, and for terrains whose places and heights are in different units. */
+MTDB_API mtdb_code mtdb_compare(mtdb_object* a, mtdb_object* b, const mtdb_compare_options* options,
+                                mtdb_json** json, mtdb_error* error);
+
 /* NOLINTEND(readability-identifier-naming) */
 
 #ifdef __cplusplus

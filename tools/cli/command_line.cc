@@ -196,7 +196,7 @@ int CommandLine::RunParsed(const CLI::App& verb, const RunVerb& run, const std::
     PrintError(status.message());
     return kExitError;
   }
-  const int exit_status = invocation.failed ? kExitError : 0;
+  const int exit_status = invocation.failed ? kExitError : invocation.exit_status;
   errno = 0;
   if (std::fflush(stdout) != 0 || std::ferror(stdout) != 0) {
     if (errno == EPIPE || ReaderIsGone()) return exit_status;

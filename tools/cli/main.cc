@@ -20,6 +20,7 @@ constexpr const mtdb::Verb* kVerbs[] = {
     &mtdb::kServeVerb,  &mtdb::kFetchVerb,  &mtdb::kViewVerb,    &mtdb::kFollowVerb,
     &mtdb::kPackVerb,   &mtdb::kTileVerb,   &mtdb::kUnpackVerb,  &mtdb::kRemoveVerb,
     &mtdb::kRenameVerb, &mtdb::kCopyVerb,   &mtdb::kCompactVerb, &mtdb::kGenerateVerb,
+    &mtdb::kDiffVerb,
 };
 
 // A store that is opened where standard input, output or error is closed would get its number, and

@@ -88,6 +88,15 @@ void AddImplicit(VerbOptions* verb, bool* implicit) {
                 "decode what a query needs each time anew; the answers are the same");
 }
 
+void AddRegionsAlone(VerbOptions* verb, QueryOptions* q, const char* heading) {
+  for (const RegionOption& o : RegionOptions()) {
+    AddParsedList(verb, o.name, o.form, &q->regions, o.parse, o.description).Group(heading);
+  }
+  verb->AddFlag("--intersect", q->intersect, "what lies in all of the regions, not in any")
+      .Group(heading);
+  verb->AddFlag("--outside", q->outside, "what lies outside of all that").Group(heading);
+}
+
 namespace {
 
 void AddAccuracyOptions(VerbOptions* verb, QueryOptions* q) {
@@ -122,13 +131,8 @@ void AddAccuracyOptions(VerbOptions* verb, QueryOptions* q) {
 
 void AddRegionOptions(VerbOptions* verb, QueryOptions* q) {
   const char* group = "Where (several: in any of them; elsewhere as coarse as possible)";
-  for (const RegionOption& o : RegionOptions()) {
-    AddParsedList(verb, o.name, o.form, &q->regions, o.parse, o.description).Group(group);
-  }
+  AddRegionsAlone(verb, q, group);
   verb->AddFlag("--frustum", q->frustum, "what the camera sees").Group(group);
-  verb->AddFlag("--intersect", q->intersect, "what lies in all of the regions, not in any")
-      .Group(group);
-  verb->AddFlag("--outside", q->outside, "what lies outside of all that").Group(group);
   verb->AddFlag("--clip", q->clip, "leave out the triangles that do not meet the region")
       .Group(group);
 }

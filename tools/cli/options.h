@@ -71,6 +71,9 @@ void AddImplicit(VerbOptions* verb, bool* implicit);
 // What is read of URLs may be kept on disk.
 void AddCacheDirectory(VerbOptions* verb, OpenOptions* options);
 
+// Regions alone: which points are asked about; several: any of them, or all with --intersect.
+void AddRegionsAlone(VerbOptions* verb, QueryOptions* options, const char* heading);
+
 // Which region, how accurate, which camera: what extract, render and fetch share. `draws`: the
 // camera alone is of use.
 void AddQueryOptions(VerbOptions* verb, QueryArguments* arguments, bool draws);

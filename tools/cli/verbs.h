@@ -16,6 +16,8 @@ struct Invocation {
   std::string command;  // the whole line, as a shell reads it
   bool quiet = false;   // print nothing but errors; false where JSON is asked for
   bool failed = false;  // set by the verb: something is wrong, and was printed already
+  // Set by the verb: the exit status where nothing is wrong, for answers that scripts ask for.
+  int exit_status = 0;
 };
 // Prints the verb's result to standard output; an error is returned, and printed by main.
 using RunVerb = std::function<Status(Invocation&)>;
@@ -31,6 +33,6 @@ struct Verb {
 
 extern const Verb kIngestVerb, kInfoVerb, kListVerb, kExtractVerb, kVerifyVerb, kRenderVerb,
     kProbeVerb, kProfileVerb, kServeVerb, kFetchVerb, kViewVerb, kFollowVerb, kPackVerb, kTileVerb,
-    kUnpackVerb, kRemoveVerb, kRenameVerb, kCopyVerb, kCompactVerb, kGenerateVerb;
+    kUnpackVerb, kRemoveVerb, kRenameVerb, kCopyVerb, kCompactVerb, kGenerateVerb, kDiffVerb;
 
 }  // namespace mtdb

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstdio>
 #include <string_view>
 
@@ -23,6 +24,27 @@ Json AttributesJson(const ObjectRecord& r) {
     if (a.normal_bits > 0) json["normal_bits"] = a.normal_bits;
   }
   return attributes;
+}
+
+// JSON has no infinity.
+Json LengthJson(double length) { return std::isfinite(length) ? Json(length) : Json(); }
+
+Json IntervalJson(const DistanceInterval& interval) {
+  return {{"low", LengthJson(interval.low)}, {"high", LengthJson(interval.high)}};
+}
+
+Json OneSidedJson(const OneSidedDistance& side) {
+  Json json = {{"distance", IntervalJson(side.distance)}, {"verdict", VerdictName(side.verdict)}};
+  if (side.point) json["point"] = Json(*side.point);
+  json["places"] = Json::Array();
+  for (const ComparePlace& place : side.places) {
+    json["places"].push_back({{"box", {{"min", Json(place.box.min)}, {"max", Json(place.box.max)}}},
+                              {"point", Json(place.point)},
+                              {"distance", IntervalJson(place.distance)},
+                              {"verdict", VerdictName(place.verdict)},
+                              {"missing", place.missing}});
+  }
+  return json;
 }
 
 Json RoundsJson(const ObjectRecord& r) {
@@ -140,6 +162,31 @@ Json ProbeJson(const ObjectRecord& record, const ProbeAnswer& answer, bool ray) 
   json["clusters_read"] = answer.clusters_read;
   json["clusters_total"] = record.clusters;
   json["bytes_read"] = answer.bytes_read;
+  return json;
+}
+
+const char* VerdictName(CompareVerdict verdict) {
+  switch (verdict) {
+    case CompareVerdict::kWithin: return "within";
+    case CompareVerdict::kExceeds: return "exceeds";
+    case CompareVerdict::kUndecided: return "undecided";
+  }
+  return "";
+}
+
+Json ComparisonJson(const ObjectRecord& a, const ObjectRecord& b, const Comparison& comparison) {
+  Json json = {{"object", a.name},
+               {"other", b.name},
+               {"identical", comparison.identical},
+               {"verdict", VerdictName(comparison.verdict)},
+               {"distance", IntervalJson(comparison.distance)},
+               {"out_of_time", comparison.out_of_time}};
+  if (comparison.a_to_b) json["a_to_b"] = OneSidedJson(*comparison.a_to_b);
+  if (comparison.b_to_a) json["b_to_a"] = OneSidedJson(*comparison.b_to_a);
+  json["triangles"] = comparison.triangles;
+  json["clusters_read"] = comparison.clusters_read;
+  json["clusters_total"] = comparison.clusters_total;
+  json["bytes_read"] = comparison.bytes_read;
   return json;
 }
 

@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "query/compare.h"
 #include "query/cut.h"
 #include "query/probe.h"
 #include "store/base/json.h"
@@ -23,6 +24,10 @@ Json CatalogJson(const std::vector<ObjectRecord>& records);
 Json ChecksJson(const CheckReport& report);
 // What a probe of an object found. A ray's hit has a "parameter", too.
 Json ProbeJson(const ObjectRecord& record, const ProbeAnswer& answer, bool ray);
+// What a comparison of two objects found. Infinite distances are null.
+Json ComparisonJson(const ObjectRecord& a, const ObjectRecord& b, const Comparison& comparison);
+// "within", "exceeds", "undecided".
+const char* VerdictName(CompareVerdict verdict);
 // "accuracy", "triangles", ...
 const char* LimitName(QueryLimit limit);
 // What it means, for people: "the accuracy that was asked for was reached".

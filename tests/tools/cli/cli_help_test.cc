@@ -113,6 +113,11 @@ TEST_CASE("every verb explains itself and all its options", "[cli]") {
       {"pack", {"STORE FILE", "--name", "docs/packed.md"}},
       {"unpack", {"FILE STORE", "--name", "--replace"}},
       {"profile", {"STORE", "--line", "--error"}},
+      {"diff",
+       {"A B", "--name", "--other NAME", "--tolerance T", "--width W", "--reach R",
+        "--max-milliseconds", "--asks WHOSE", "--transform M", "--as-stored", "--box", "--outside",
+        "--csv FILE", "--places-query FILE", "--into STORE NAME", "--json", "3 exceeds",
+        "4 undecided"}},
       {"follow", {"URL", "--path", "--output", "--csv", "--reconnect", "docs/protocol.md"}},
       {"generate", {"SHAPE OUTPUT", "sculpture", "terrain", "sheets", "--triangles", "--seed"}}};
   const std::string overview = RunOk({"help"});

@@ -63,6 +63,12 @@ TEST_CASE("every verb answers in JSON as docs/json.md has it", "[cli]") {
   run({"probe", store, "--name", "t", "--point", "5,5,5", "--error", "1e-9"});
   run({"probe", store, "--name", "t", "--ray", "5,5,50,0,0,-1"});
   run({"probe", store, "--name", "t", "--ray", "5,5,50,0,0,1"});
+  run({"diff", store, store, "--name", "t", "--other", "patch", "--into", folder.File("map.mtdb"),
+       "map"});
+  const Outcome differs = Run({"diff", store, store, "--name", "t", "--other", "patch",
+                               "--tolerance", "1e-6", "--reach", "0.1", "--json"});
+  CHECK(differs.exit_code == 3);
+  tables.Check(Json::parse(differs.out));
   for (const char* const level : {"fast", "full", "global"}) {
     run({"verify", store, "--level", level});
   }

@@ -10,6 +10,7 @@
 
 docs/python.md tells it in full. The library is libmtdb.so; the GIL is released while it works.
 """
+from ._compare import Comparison, OneSided, Place, compare
 from ._database import Database, Hit, Object, Server
 from ._database import open_database as open
 from ._errors import (
@@ -42,6 +43,7 @@ __all__ = [
     "Busy",
     "Cancelled",
     "Code",
+    "Comparison",
     "Corrupt",
     "Database",
     "ExtractStats",
@@ -55,6 +57,8 @@ __all__ = [
     "NotFound",
     "NotYet",
     "Object",
+    "OneSided",
+    "Place",
     "Profile",
     "Saved",
     "Server",
@@ -62,6 +66,7 @@ __all__ = [
     "Shortfall",
     "Unsupported",
     "Update",
+    "compare",
     "connect",
     "fetch",
     "open",

@@ -125,6 +125,24 @@ class ProbeOptions(Sized):
     ]
 
 
+class CompareOptions(Sized):
+    _fields_ = [
+        ("struct_bytes", C.c_size_t),
+        ("has_tolerance", C.c_int),
+        ("tolerance", C.c_double),
+        ("width", C.c_double),
+        ("reach", C.c_double),
+        ("has_max_milliseconds", C.c_int),
+        ("max_milliseconds", C.c_double),
+        ("query", Pointer),
+        ("transform", Pointer),
+        ("asks", C.c_int),
+        ("as_stored", C.c_int),
+        ("threads", C.c_uint32),
+        ("control", Pointer),
+    ]
+
+
 class Hit(Sized):
     _fields_ = [
         ("struct_bytes", C.c_size_t),
@@ -433,6 +451,7 @@ _SIGNATURES: dict[str, list[Any]] = {
     "write_mesh": [_p, Text, _p, _p],
     "create_mesh": [_p, _p],
     "find_closest_point": [_p, _p, C.c_double, _p, _p],
+    "compare": [_p, _p, _p, _p],
     "cast_ray": [_p, _p, _p, C.c_double, _p, _p],
     "ingest_source": [_p, Text, _p, _p, _p],
     "ingest_part": [_p, _p],
