@@ -26,6 +26,9 @@ struct InputReport {
   uint64_t unreferenced_vertices = 0;  // dropped
   uint64_t degenerate_triangles = 0;   // two equal vertex indices; dropped
   uint64_t duplicate_triangles = 0;    // the same three vertices in the same orientation; dropped
+  // Pairs of triangles back to back: of the same vertices, one the other way round. Both are kept,
+  // and simplified as one two-sided triangle; it counts once below.
+  uint64_t two_sided_triangles = 0;
   // Of more than two triangles, or of two that disagree about the surface's outside.
   uint64_t nonmanifold_edges = 0;
   // Kept, never simplified: where chains of such edges end or meet, or parts of the surface touch.
@@ -87,7 +90,7 @@ struct ObjectRecord {
   uint64_t components = 0;
   uint64_t boundary_edges = 0;
   uint64_t boundary_loops = 0;
-  int64_t euler_characteristic = 0;
+  int64_t euler_characteristic = 0;  // two-sided triangles count once
 
   uint64_t nodes = 0;
   uint32_t clusters = 0;

@@ -170,10 +170,10 @@ TileResult Decimator<Measure, Rule>::Decimate(std::span<const TileTriangle> tile
   const uint32_t level_triangles = LevelTriangles(options, result);
   // All triangles that ever were are slots of the cluster; a ring at a crease has one corner more
   // than its star has triangles.
-  const auto has_room = [&](uint32_t corners) {
-    return mesh_.triangles() + open_fans_ + corners <= kMostSlots;
+  const auto has_room = [&](uint32_t corners) {  // of a hole; its triangles may be two-sided
+    return mesh_.sides() + open_fans_ + corners <= kMostSlots;
   };
-  while (mesh_.live_triangles() > options.target_triangles && has_room(Hole::kMaxRing)) {
+  while (mesh_.live_triangles() > options.target_triangles && has_room(2 * Hole::kMaxRing)) {
     const std::optional<uint32_t> v = queue_.Pop();
     if (!v) break;
     const bool twins = HasTwins(*v);
@@ -182,7 +182,7 @@ TileResult Decimator<Measure, Rule>::Decimate(std::span<const TileTriangle> tile
     if (error > options.largest_error) continue;
     if (error > options.level_error && mesh_.live_triangles() <= level_triangles) break;
     if (twins) {
-      if (!has_room(kMostFanCorners)) continue;
+      if (!has_room(2 * kMostFanCorners)) continue;
       RemoveTwins(*v);
       continue;
     }

@@ -23,13 +23,15 @@ struct TileTriangle {
   uint32_t child = kNone32;
   uint32_t child_slot = 0;
   uint32_t height = 0;  // longest path of nodes from it to the drain
-  // Packed: of edge i, (i, i+1), its order in bits 4i .. 4i+3; bits 12 .. 14: fixed corners.
+  // Packed: of edge i, (i, i+1), its order in bits 4i .. 4i+3; bits 12 .. 14: fixed corners; bit
+  // 15: two-sided.
   uint16_t edges = 0;
   // Packed: of corner i, its fan in bits 4i .. 4i+3; bit 12: the child needs slot and rotation
   // named.
   uint16_t fans = 0;
 
-  // 0: the edge is no crease. Else how many triangles are at it: 1 on the surface's border.
+  // 0: the edge is no crease. Else how many triangles are at it: 1 on the surface's border. Those
+  // that are two-sided count once.
   uint32_t order(uint32_t i) const { return edges >> 4 * i & 15u; }
   void set_order(uint32_t i, uint32_t order) {
     edges = static_cast<uint16_t>((edges & ~(15u << 4 * i)) | order << 4 * i);
@@ -48,6 +50,15 @@ struct TileTriangle {
     edges =
         static_cast<uint16_t>((edges & ~(1u << (12 + corner))) | (is ? 1u : 0u) << (12 + corner));
   }
+  // It stands for its opposite, too: the triangle of the same corners that runs the other way.
+  bool two_sided() const { return (edges & kTwoSided) != 0; }
+  void set_two_sided(bool is) {
+    edges = static_cast<uint16_t>((edges & ~kTwoSided) | (is ? kTwoSided : 0u));
+  }
+  // What TileTriangle::edges says of the triangle, whatever its corners are.
+  static constexpr uint32_t kTwoSided = 1u << 15;
+  // How many triangles it stands for.
+  uint32_t sides() const { return two_sided() ? 2 : 1; }
   bool explicit_arc() const { return (fans >> 12 & 1) != 0; }
   void set_explicit_arc(bool is) {
     fans = static_cast<uint16_t>((fans & ~(1u << 12)) | (is ? 1u : 0u) << 12);
@@ -98,10 +109,11 @@ struct TileResult {
   std::vector<Vec3i> positions;                    // of local vertices
   std::vector<std::array<uint32_t, 3>> triangles;  // all local triangles
   std::vector<float> errors;                       // of all local triangles
-  std::vector<uint16_t> edge_orders;               // likewise, as TileTriangle::edges has them
-  std::vector<uint8_t> alive;                      // likewise
-  std::vector<uint8_t> fixed;                      // of local vertices: never removed anywhere
-  std::vector<Removal> removals;                   // in order of removal
+  // Likewise, as TileTriangle::edges has them: the edges' orders, and whether it is two-sided.
+  std::vector<uint16_t> edge_orders;
+  std::vector<uint8_t> alive;     // likewise
+  std::vector<uint8_t> fixed;     // of local vertices: never removed anywhere
+  std::vector<Removal> removals;  // in order of removal
   std::vector<uint32_t> holes, stars;
   // Of measures that go on from round to round (TileSurface); else empty. Of half-edges, of all
   // local triangles; of the removed vertices that triangles stand for: local vertex (those of the

@@ -85,9 +85,11 @@ void TileMesh::Load(std::span<const TileTriangle> tile, const Grid& grid, bool i
     places_[v].twin = places_[v].first_twin = v;
   }
   PairHalfEdges(input_corners_, vertices(), input_opposites_);
-  constexpr uint16_t kOrders = 0xfff;
+  constexpr uint16_t kKept = 0xfff | TileTriangle::kTwoSided;
   triangles_.clear();
+  two_sided_ = 0;
   for (uint32_t t = 0; t < n; ++t) {
+    two_sided_ += tile[t].two_sided();
     uint32_t* const across = &input_opposites_[3 * size_t{t}];
     for (uint32_t i = 0; i < 3; ++i) {
       // Two of several triangles at a crease may look like all that there are.
@@ -95,7 +97,7 @@ void TileMesh::Load(std::span<const TileTriangle> tile, const Grid& grid, bool i
     }
     triangles_.push_back({input_corners_[t],
                           {across[0], across[1], across[2]},
-                          static_cast<uint16_t>(tile[t].edges & kOrders)});
+                          static_cast<uint16_t>(tile[t].edges & kKept)});
   }
   for (uint32_t h = 0; h < 3 * n; ++h) {
     Place& a = places_[Origin(h)];
@@ -286,11 +288,14 @@ void TileMesh::Fill(const Hole& hole, const Hole::Triangles& triangles, Removal&
     triangles_[t].alive = false;
     stars_.push_back(t);
   }
+  const uint16_t two_sided = triangles_[hole.star[0]].orders & TileTriangle::kTwoSided;
   for (uint32_t t = 0; t < count; ++t) {
     const auto [i, m, j] = triangles[t];
-    triangles_.push_back({.corners = {hole.ring[i], hole.ring[m], hole.ring[j]}});
+    triangles_.push_back(
+        {.corners = {hole.ring[i], hole.ring[m], hole.ring[j]}, .orders = two_sided});
     holes_.push_back(first + t);
   }
+  if (two_sided != 0) two_sided_ += count;
   LinkFilling(hole, triangles, first);
   places_[hole.vertex].removed = true;
   live_triangles_ -= static_cast<uint32_t>(hole.star.size()) - count;

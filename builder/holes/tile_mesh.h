@@ -37,6 +37,8 @@ class TileMesh {
   uint32_t vertices() const { return static_cast<uint32_t>(vertices_.size()); }
   uint32_t triangles() const { return static_cast<uint32_t>(triangles_.size()); }
   uint32_t live_triangles() const { return live_triangles_; }
+  // All that ever were, with the opposites of those that are two-sided.
+  uint32_t sides() const { return triangles() + two_sided_; }
   // The input's numbering.
   std::span<const uint32_t> vertex_numbers() const { return vertices_; }
   bool locked(uint32_t v) const { return places_[v].locked; }
@@ -76,7 +78,7 @@ class TileMesh {
   struct alignas(32) Triangle {  // current or past
     std::array<uint32_t, 3> corners;
     std::array<uint32_t, 3> opposites{kNone32, kNone32, kNone32};
-    uint16_t orders = 0;  // of its edges, as TileTriangle::edges has them
+    uint16_t orders = 0;  // as TileResult::edge_orders
     bool alive = true;
     uint32_t order(uint32_t side) const { return orders >> 4 * side & 15u; }
   };
@@ -115,6 +117,7 @@ class TileMesh {
   // Of removals.
   std::vector<uint32_t> holes_, stars_;
   uint32_t live_triangles_ = 0;
+  uint32_t two_sided_ = 0;
   bool is_height_field_ = false;
 };
 

@@ -10,9 +10,9 @@
 #include <vector>
 
 #include "builder/disk/ordered_pipeline.h"
-#include "builder/intake/corner_join.h"
+#include "builder/surface/corner_join.h"
 #include "builder/intake/grid_choice.h"
-#include "builder/intake/height_field.h"
+#include "builder/surface/height_field.h"
 #include "builder/intake/input_spool.h"
 #include "builder/intake/read_mesh.h"
 #include "store/base/bytes.h"
@@ -119,6 +119,7 @@ void Examine(const RoundCurve& curve, const Grid& grid, JoinedBlock& joined) {
   for (const TileTriangle& t : joined.block.triangles) {
     for (const Vec3i& p : t.positions) joined.bounds.Add(p);
     joined.digest.AddTriangle(t.positions);
+    if (t.two_sided()) joined.digest.AddTriangle({t.positions[0], t.positions[2], t.positions[1]});
   }
   joined.hash = Hash64(std::as_bytes(std::span(joined.block.triangles)));
   joined.hash = Hash64(std::as_bytes(std::span(joined.codes)), joined.hash);
@@ -171,8 +172,9 @@ Result<JoinResult> Join(const BuildContext& build, const ReadResult& read, const
   const size_t ahead = plan.threads <= 1 ? 1 : 3 * size_t{plan.threads};
   const auto receive = [&](TriangleBlock block) {
     if (!result.level) {
-      result.level.emplace(input.triangles() - result.totals.duplicate_triangles, options.reduction,
-                           options.degree_limit);
+      result.level.emplace(
+          input.triangles() - result.totals.duplicate_triangles - result.totals.two_sided_triangles,
+          options.reduction, options.degree_limit);
     }
     if (pipeline.in_flight() == ahead) MTDB_RETURN_IF_ERROR(take());
     pipeline.Submit({std::move(block), {}, {}, {}, 0});
@@ -202,6 +204,7 @@ ObjectRecord RecordOf(const BuildOptions& options, const ReadResult& read, const
   record.input = input.report();
   record.input.unreferenced_vertices = totals.unreferenced_vertices;
   record.input.duplicate_triangles = totals.duplicate_triangles;
+  record.input.two_sided_triangles = totals.two_sided_triangles;
   record.input.nonmanifold_edges = totals.nonmanifold_edges;
   record.input.nonmanifold_vertices = totals.nonmanifold_vertices;
   record.rounding_error = totals.rounding_error + input.rounding();

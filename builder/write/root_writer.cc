@@ -38,6 +38,7 @@ Status RootWriter::AddPiece(const std::vector<TileTriangle>& triangles, const By
   piece.children.erase(std::unique(piece.children.begin(), piece.children.end()),
                        piece.children.end());
   std::unordered_map<uint32_t, uint32_t> local;
+  uint32_t sides = 0;  // triangles, their opposites counted
   for (size_t i = 0; i < triangles.size(); ++i) {
     const TileTriangle& t = triangles[i];
     auto& corners = piece.in.triangles.emplace_back();
@@ -60,9 +61,12 @@ Status RootWriter::AddPiece(const std::vector<TileTriangle>& triangles, const By
       const uint32_t a = root[c];
       const uint32_t b = root[(c + 1) % 3];
       edges_.emplace_back(std::min(a, b), std::max(a, b));
-      on_border_.push_back(t.order(c) == 1);
+      on_border_.push_back(t.order(c) == 1 && !t.two_sided());
       joined_.Join(a, b);
     }
+    if (t.two_sided()) piece.in.two_sided.resize(triangles.size());
+    if (t.two_sided()) piece.in.two_sided[i] = 1;
+    sides += t.sides();
     uint32_t remover = kDrain;
     if (t.child != kNone32) {
       const auto at = std::lower_bound(piece.children.begin(), piece.children.end(), t.child);
@@ -73,11 +77,12 @@ Status RootWriter::AddPiece(const std::vector<TileTriangle>& triangles, const By
     }
     piece.removers.push_back(remover);
   }
-  entry.out_triangles = static_cast<uint32_t>(piece.in.triangles.size());
+  entry.out_triangles = sides;
   entry.external_vertices = static_cast<uint32_t>(piece.in.positions.size());
   const Result<UnitId> id = writer_.Add(entry, piece.children, EncodeRootPiece(piece, attributes_));
   if (!id.ok()) return id.status();
-  topology_.triangles += triangles.size();
+  topology_.triangles += sides;
+  faces_ += triangles.size();
   ++topology_.pieces;
   return Status::Ok();
 }
@@ -100,7 +105,7 @@ RootTopology RootWriter::Finish() {
   std::sort(edges_.begin(), edges_.end());
   const auto edges = std::unique(edges_.begin(), edges_.end()) - edges_.begin();
   topology_.euler_characteristic =
-      static_cast<int64_t>(vertices) - edges + static_cast<int64_t>(topology_.triangles);
+      static_cast<int64_t>(vertices) - edges + static_cast<int64_t>(faces_);
   return topology_;
 }
 

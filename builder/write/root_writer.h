@@ -80,6 +80,7 @@ class RootWriter {
   std::vector<std::pair<uint32_t, uint32_t>> edges_;  // of root vertices, smaller first
   std::vector<bool> on_border_;                       // of each edge
   DisjointSets joined_;                               // of root vertices, by edges
+  uint64_t faces_ = 0;                                // two-sided triangles once
   RootTopology topology_;
 };
 

@@ -16,6 +16,9 @@ void AppendRow(const TriangleBlock& input, size_t row, uint64_t corner, Bytes& t
   to.insert(to.end(), begin, begin + static_cast<std::ptrdiff_t>(row));
 }
 
+// Of TileResult::edge_orders.
+bool IsTwoSided(uint16_t orders) { return (orders & TileTriangle::kTwoSided) != 0; }
+
 // The removals of a tile, read backwards. Leaves nodes and what the tile's own triangles say out.
 ClusterUpdates UpdatesOf(const TriangleBlock& input, const TileResult& result, size_t row) {
   ClusterUpdates updates;
@@ -25,6 +28,10 @@ ClusterUpdates UpdatesOf(const TriangleBlock& input, const TileResult& result, s
   updates.triangles = result.triangles;
   for (std::array<uint32_t, 3>& corners : updates.triangles) {
     for (uint32_t& v : corners) v = result.first_twins[v];
+  }
+  if (std::ranges::any_of(result.edge_orders, IsTwoSided)) {
+    updates.two_sided.resize(result.triangles.size());
+    std::ranges::transform(result.edge_orders, updates.two_sided.begin(), IsTwoSided);
   }
   updates.holes = result.holes;
   updates.stars = result.stars;
@@ -88,6 +95,18 @@ void AddNodes(const TileResult& result, const Grid& grid, ClusterUpdates& update
   }
 }
 
+// Adds the opposites of two-sided triangles to what the entry counts.
+void CountOtherSides(const ClusterUpdates& updates, const EncodedCluster& encoded,
+                     UnitEntry& entry) {
+  if (updates.two_sided.empty()) return;
+  std::vector<uint8_t> removed(updates.triangles.size());
+  for (const uint32_t t : updates.holes) removed[t] = 1;
+  for (const uint32_t t : encoded.in_triangles) entry.in_triangles += updates.two_sided[t];
+  for (const uint32_t t : updates.stars) {
+    if (!removed[t]) entry.out_triangles += updates.two_sided[t];
+  }
+}
+
 // Appends the created triangles that stayed, the cluster's in-triangles, to what is left.
 void LeaveInTriangles(const TriangleBlock& input, const TileResult& result, size_t row,
                       std::span<const uint32_t> heights, TileCluster& cluster) {
@@ -105,6 +124,7 @@ void LeaveInTriangles(const TriangleBlock& input, const TileResult& result, size
       out.set_fan(c, result.fans[v]);
       AppendRow(input, row, result.first_corner[v], cluster.left.rows);
     }
+    out.set_two_sided(IsTwoSided(result.edge_orders[t]));
     out.error = result.errors[t];
     out.child = TileCluster::kOwnCluster;
     out.child_slot = slot;
@@ -226,6 +246,7 @@ TileCluster MakeTileCluster(const TriangleBlock& input, const TileResult& result
     entry.nodes = static_cast<uint32_t>(updates.nodes.size());
     entry.in_triangles = static_cast<uint32_t>(cluster.encoded.in_triangles.size());
     entry.out_triangles = cluster.encoded.out_triangles;
+    CountOtherSides(updates, cluster.encoded, entry);
     entry.external_vertices = cluster.encoded.external_vertices;
     entry.explicit_arcs = cluster.encoded.explicit_arcs;
     if (!result.edge_errors.empty()) {

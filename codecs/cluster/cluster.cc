@@ -165,7 +165,8 @@ size_t Cluster::memory_bytes() const {
          VectorBytes(ring_begin) + VectorBytes(ring_vertices) + VectorBytes(star_begin) +
          VectorBytes(hole_begin) + VectorBytes(hole_slots) + VectorBytes(removers) +
          VectorBytes(children) + VectorBytes(explicit_arcs) + VectorBytes(vertex_begin) +
-         VectorBytes(created_corners) + VectorBytes(fans) + VectorBytes(later_fans);
+         VectorBytes(created_corners) + VectorBytes(fans) + VectorBytes(later_fans) +
+         VectorBytes(in.two_sided);
 }
 
 }  // namespace mtdb

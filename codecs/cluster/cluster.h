@@ -61,10 +61,13 @@ struct InPatch {
   std::vector<Vec3i> positions;                    // of local vertices
   std::vector<VertexIndex> vertices;               // of local vertices
   Bytes rows;                                      // attributes of local vertices
+  // Per slot: the triangle is two-sided, and stands for its opposite as well. Empty: none is.
+  std::vector<uint8_t> two_sided;
 };
 
 // Puts triangles into their slots and numbers their corners by first occurrence. The members of
-// `vertices` are what the triangles' corners are: indices of `positions`. Leaves rows empty.
+// `vertices` are what the triangles' corners are: indices of `positions`. Leaves rows empty, and
+// what is two-sided.
 InPatch MakeInPatch(std::span<const std::array<uint32_t, 3>> triangles,
                     std::span<const Vec3i> positions, std::span<const InSlot> slots);
 
@@ -108,7 +111,9 @@ struct NodeShape {
 // Parents create the slots below first_own_slot, the cluster itself the others. A piece of the root
 // mesh is a cluster without nodes: it lists triangles and consumes none.
 struct Cluster {
-  InPatch in;                           // positions and rows are extended by the nodes' own
+  // Positions and rows are extended by the nodes' own, and what is two-sided by their triangles:
+  // these are what those of the hole are, fan by fan.
+  InPatch in;
   uint32_t first_own_slot = 0;          // parents create those below: all that are listed, or none
   std::vector<uint8_t> error_codes;     // per node
   std::vector<uint32_t> ring_begin;     // nodes + 1

@@ -66,6 +66,7 @@ class ClusterDecoder {
   void PlaceVertices(std::span<const Vertex> vertices, uint32_t first);
   void DecodeRow(uint32_t node);
   Status DecodeArcs(const StreamReader& streams);
+  void InheritSides();
 
   bool scaled_by_error() const { return (flags_ & kFlagScaledByError) != 0; }
   bool flat() const { return (flags_ & kFlagFlat) != 0; }
@@ -419,11 +420,31 @@ Status ClusterDecoder::DecodeArcs(const StreamReader& streams) {
   return Status::Ok();
 }
 
+// A hole is two-sided as a whole or nowhere, and so is the star that takes its place.
+void ClusterDecoder::InheritSides() {
+  Cluster& c = cluster_;
+  std::vector<uint8_t>& two_sided = c.in.two_sided;
+  two_sided.resize(c.slots());
+  size_t next_fan = 0;
+  for (NodeIndex i = 0; i < c.nodes(); ++i) {
+    const uint32_t end = c.star_begin[i + 1];
+    const uint32_t* hole = c.hole(i).data();
+    for (uint32_t begin = c.star_begin[i]; begin < end;) {
+      const bool more = next_fan < c.later_fans.size() && c.later_fans[next_fan] < end;
+      const uint32_t fan_end = more ? c.later_fans[next_fan++] : end;
+      std::fill(two_sided.begin() + begin, two_sided.begin() + fan_end, two_sided[*hole]);
+      hole += fan_end - begin - 1;  // the hole of a fan of several has one triangle less
+      begin = fan_end;
+    }
+  }
+}
+
 Result<Cluster> ClusterDecoder::Decode(ByteSpan payload, InPatch in, uint32_t node_limit) {
   MTDB_ASSIGN_OR_RETURN(const StreamReader streams, StreamReader::Open(payload, where_));
   MTDB_RETURN_IF_ERROR(DecodeHead(streams.stream(StreamTag::kHead), node_limit, payload.size()));
   const size_t row = attribute_coder_.row_bytes();
   if (in.rows.size() != in.positions.size() * row) return Corrupted("rows of corners missing");
+  if (flat() && !in.two_sided.empty()) return Corrupted("a height field with two-sided triangles");
   topology_ = RansDecoder<2>(streams.bytes(StreamTag::kTopology));
   vertex_stream_ = RansDecoder<4>(streams.bytes(StreamTag::kVertices));
   const ByteSpan bits = streams.bytes(StreamTag::kBits);
@@ -445,7 +466,7 @@ Result<Cluster> ClusterDecoder::Decode(ByteSpan payload, InPatch in, uint32_t no
   c.star_begin[0] = c.first_own_slot;
   c.ring_vertices.resize(6 * n + kHoleEntries);
   c.hole_slots.resize(4 * n + kHoleEntries);
-  patch_.emplace(c.in.triangles, c.in.positions, reference_length_, n, flat());
+  patch_.emplace(c.in.triangles, c.in.positions, reference_length_, n, flat(), c.in.two_sided);
   if (has_fans()) {
     c.fans.resize(n);
     patch_->IndexCreases();
@@ -475,6 +496,7 @@ Result<Cluster> ClusterDecoder::Decode(ByteSpan payload, InPatch in, uint32_t no
     }
   }
   MTDB_RETURN_IF_ERROR(DecodeArcs(streams));
+  if (!c.in.two_sided.empty()) InheritSides();
   return std::move(cluster_);
 }
 

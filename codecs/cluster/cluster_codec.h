@@ -44,6 +44,7 @@ struct ClusterUpdates {
   Bytes rows;                    // attributes of local vertices
   std::vector<std::array<uint32_t, 3>> triangles;
   std::vector<Consumer> consumers;  // per triangle; read for out-triangles only
+  std::vector<uint8_t> two_sided;   // per triangle; empty: none is
   std::vector<Node> nodes;          // in any order
   std::vector<uint32_t> holes;      // triangles
   std::vector<uint32_t> stars;      // triangles
@@ -76,9 +77,9 @@ EncodedCluster EncodeCluster(const ClusterUpdates& updates, const AttributeLayou
 // a terrain, as the object's record says.
 ClusterUpdates UpdatesOf(const Cluster& cluster, bool is_height_field);
 
-// Replays `payload` on `in`, whose rows must be filled. Memory and time are bounded by the
-// payload's length and `node_limit` (from the index). `where` names the cluster in messages.
-// Errors: kCorrupt.
+// Replays `payload` on `in`, whose rows must be filled, and two_sided where the parents have such.
+// Memory and time are bounded by the payload's length and `node_limit` (from the index). `where`
+// names the cluster in messages. Errors: kCorrupt.
 Result<Cluster> DecodeCluster(ByteSpan payload, InPatch in, const AttributeLayout& attributes,
                               uint32_t node_limit, const std::string& where);
 

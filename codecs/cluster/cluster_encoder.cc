@@ -119,6 +119,9 @@ InPatch OrderInTriangles(const ClusterUpdates& updates, const Owners& owners,
     result.in_rotations.push_back(static_cast<uint8_t>(slot.first_corner));
   }
   InPatch patch = MakeInPatch(in, updates.positions, order.slots);
+  if (!updates.two_sided.empty()) {
+    for (const uint32_t t : result.in_triangles) patch.two_sided.push_back(updates.two_sided[t]);
+  }
   result.external_vertices = static_cast<uint32_t>(patch.vertices.size());
   return patch;
 }
@@ -133,7 +136,7 @@ class Replay {
          bool try_lattice)
       : topology(observer),
         patch(in.triangles, in.positions, reference_length, updates.nodes.size(),
-              updates.is_height_field),
+              updates.is_height_field, in.two_sided),
         any_boundary(std::any_of(updates.nodes.begin(), updates.nodes.end(),
                                  [](const auto& node) { return node.boundary(); })),
         any_fans(std::any_of(updates.nodes.begin(), updates.nodes.end(),
@@ -512,6 +515,7 @@ ClusterUpdates UpdatesOf(const Cluster& cluster, bool is_height_field) {
   updates.positions = cluster.in.positions;
   updates.rows = cluster.in.rows;
   updates.triangles = cluster.in.triangles;
+  updates.two_sided = cluster.in.two_sided;
   for (NodeIndex i = 0; i < cluster.nodes(); ++i) {
     const NodeShape shape = cluster.shape(i);
     MTDB_CHECK(shape.vertices.size() == 1, "a node that is no insertion of a vertex");

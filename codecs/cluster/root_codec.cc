@@ -55,6 +55,13 @@ Bytes EncodeRootPiece(const Cluster& piece, const AttributeLayout& attributes) {
   }
   MTDB_CHECK(seen == piece.in.positions.size(), "a root vertex without a triangle");
   EncodeExplicitArcs(piece.explicit_arcs, streams);
+  if (!piece.in.two_sided.empty()) {
+    Bytes bits((piece.in.two_sided.size() + 7) / 8);
+    for (size_t t = 0; t < piece.in.two_sided.size(); ++t) {
+      bits[t / 8] |= static_cast<std::byte>((piece.in.two_sided[t] != 0 ? 1 : 0) << t % 8);
+    }
+    streams.stream(StreamTag::kTwoSided).PutBytes(bits);
+  }
   const size_t row = attributes.row_bytes();
   if (row != 0) streams.stream(StreamTag::kAttributes).PutBytes(SplitPlanes(piece.in.rows, row));
   return streams.Finish();
@@ -72,6 +79,7 @@ class RootPieceDecoder {
     MTDB_RETURN_IF_ERROR(DecodeHead());
     MTDB_RETURN_IF_ERROR(DecodeVertices(root_vertices));
     MTDB_RETURN_IF_ERROR(DecodeTriangles());
+    MTDB_RETURN_IF_ERROR(DecodeSides());
     if (!DecodeExplicitArcs(streams_, &piece_)) return Corrupted("explicit arc out of range");
     const size_t row = attributes.row_bytes();
     ByteReader rows = streams_.stream(StreamTag::kAttributes);
@@ -85,6 +93,7 @@ class RootPieceDecoder {
   Status DecodeHead();
   Status DecodeVertices(uint64_t root_vertices);
   Status DecodeTriangles();
+  Status DecodeSides();
 
   const StreamReader& streams_;
   const std::string& where_;
@@ -137,6 +146,20 @@ Status RootPieceDecoder::DecodeVertices(uint64_t root_vertices) {
   std::sort(sorted.begin(), sorted.end());
   if (std::adjacent_find(sorted.begin(), sorted.end()) != sorted.end()) {
     return Corrupted("a vertex occurs twice");
+  }
+  return Status::Ok();
+}
+
+Status RootPieceDecoder::DecodeSides() {
+  const ByteSpan bits = streams_.bytes(StreamTag::kTwoSided);
+  if (bits.empty()) return Status::Ok();
+  if (bits.size() != (triangle_count_ + 7) / 8) return Corrupted("two-sided: wrong length");
+  const auto bit = [&](uint64_t i) { return std::to_integer<uint8_t>(bits[i / 8]) >> i % 8 & 1; };
+  for (uint64_t t = 0; t < triangle_count_; ++t) {
+    piece_.in.two_sided.push_back(static_cast<uint8_t>(bit(t)));
+  }
+  for (uint64_t i = triangle_count_; i < 8 * bits.size(); ++i) {
+    if (bit(i)) return Corrupted("two-sided: bits of no triangle");
   }
   return Status::Ok();
 }

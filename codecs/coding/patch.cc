@@ -65,7 +65,8 @@ uint32_t Patch::Hole::EdgeBetween(uint32_t a, uint32_t b) const {
 }
 
 Patch::Patch(std::span<const std::array<uint32_t, 3>> triangles, std::span<const Vec3i> positions,
-             int reference_length, size_t expected_nodes, bool flat)
+             int reference_length, size_t expected_nodes, bool flat,
+             std::span<const uint8_t> two_sided)
     : shortest_(static_cast<uint32_t>(127 + reference_length - 3)),
       first_apex_(static_cast<uint32_t>(positions.size())),
       height_(flat ? 0.0f : 1.0f) {
@@ -79,6 +80,7 @@ Patch::Patch(std::span<const std::array<uint32_t, 3>> triangles, std::span<const
   for (const Vec3i p : positions) AddPoint(p);
   last_apex_.assign(positions.size() + expected_nodes, kNone32);
   PairEdges();
+  if (!two_sided.empty()) PartSides(two_sided);
   Measure(0, slots());
   for (uint32_t slot = 0; slot < slots(); ++slot) {
     Triangle& t = triangles_[slot];
@@ -142,6 +144,14 @@ void Patch::PairEdges() {
     for (uint32_t i = 0; i < 3; ++i) {
       const Edge& e = find(ends_of(slot, i).first);
       if (e.uses[0] > 1 || e.uses[1] > 1) triangles_[slot].opposite[i] = kNone32;
+    }
+  }
+}
+
+void Patch::PartSides(std::span<const uint8_t> two_sided) {
+  for (uint32_t slot = 0; slot < slots(); ++slot) {
+    for (uint32_t& o : triangles_[slot].opposite) {
+      if (o != kNone32 && two_sided[o >> 2] != two_sided[slot]) o = kNone32;
     }
   }
 }

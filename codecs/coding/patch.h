@@ -75,9 +75,11 @@ class Patch {
   };
 
   // Of `triangles` between `positions`. `reference_length`: from the head of the cluster. `flat`:
-  // of a height field, so that shapes are those seen along z.
+  // of a height field, so that shapes are those seen along z. `two_sided`: per triangle, or empty;
+  // an edge between a two-sided triangle and one that is not is a crease.
   Patch(std::span<const std::array<uint32_t, 3>> triangles, std::span<const Vec3i> positions,
-        int reference_length, size_t expected_nodes, bool flat = false);
+        int reference_length, size_t expected_nodes, bool flat = false,
+        std::span<const uint8_t> two_sided = {});
 
   uint32_t slots() const { return slots_; }
   const Triangle& triangle(uint32_t slot) const { return triangles_[slot]; }
@@ -207,6 +209,7 @@ class Patch {
   }
   void NoteCrease(uint32_t half_edge);
   void PairEdges();
+  void PartSides(std::span<const uint8_t> two_sided);
   void Grow(size_t slots);
   void Measure(uint32_t begin, uint32_t end);
 

@@ -37,7 +37,8 @@ struct BaseMesh {
 // replaces its hole by its star; its removal does the reverse. Star triangle j of a node is
 // (vertex, ring[j], ring[j+1]); the ring of a boundary node is open, its star has one triangle
 // less, and its hole the edge from the last ring vertex to the first. A vertex with several holes
-// has a node for each of them, one after the other: these are one update.
+// has a node for each of them, one after the other: these are one update. They are the sheets that
+// meet in an edge which the vertex splits, or the two sides of a sheet.
 struct UpdateBatch {
   struct Node {
     VertexIndex vertex = 0;

@@ -438,12 +438,15 @@ Status UpdateDecoder::Impl::CheckListed(bool insert, uint32_t vertex, UpdateHole
 }
 
 Status UpdateDecoder::Impl::DecodeListed(Coder& coder, bool insert) {
-  const uint32_t fans = coder.Raw(4);
-  const auto holes = std::span(listed_).first(std::max(fans, 1u));
+  const uint32_t count = coder.Raw(5);
+  const bool open = coder.Raw(1) != 0;
+  // Two of a vertex inside of the surface are the two sides of the same triangles.
+  if (count == 0 || count > (open ? kMostListedHoles : 2)) return Corrupted("listed holes");
+  const auto holes = std::span(listed_).first(count);
   cost_.AddUpdates(holes.size() - 1);
   std::vector<uint32_t> slots;
   for (UpdateHole& update : holes) {
-    update.boundary = fans > 0;
+    update.boundary = open;
     MTDB_RETURN_IF_ERROR(DecodeLists(coder, insert, update));
     slots.insert(slots.end(), update.hole.slot_span().begin(), update.hole.slot_span().end());
   }
@@ -462,13 +465,17 @@ Status UpdateDecoder::Impl::DecodeListed(Coder& coder, bool insert) {
   };
   for (UpdateHole& update : holes) {
     MTDB_RETURN_IF_ERROR(CheckListed(insert, vertex, update));
-    if (ends(update) != ends(holes[0])) return Corrupted("listed holes of different edges");
+    if (open && ends(update) != ends(holes[0])) return Corrupted("listed holes of different edges");
+  }
+  if (!open && count == 2 &&
+      !std::ranges::is_permutation(holes[0].hole.ring_span(), holes[1].hole.ring_span())) {
+    return Corrupted("listed holes of different rings");
   }
   if (!insert) {
     for (const UpdateHole& update : holes) {
       MTDB_RETURN_IF_ERROR(FinishRemoval(coder, update, vertex));
     }
-    mesh_.Forget(vertex, fans == 1 ? FirstOfRing(holes[0]) : kNone32);
+    mesh_.Forget(vertex, count == 1 ? FirstOfRing(holes[0]) : kNone32);
     return Status::Ok();
   }
   Vec3i position{};

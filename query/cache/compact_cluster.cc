@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <utility>
 
+#include "codecs/cluster/both_sides.h"
+
 namespace mtdb::internal {
 namespace {
 
@@ -64,7 +66,11 @@ size_t LocalPositions::memory_bytes() const {
 
 InPatch CompactCluster::in_patch(size_t row_bytes) const {
   InPatch in;
-  for (uint32_t slot = 0; slot < listed(); ++slot) in.triangles.push_back(listed_triangle(slot));
+  for (uint32_t slot = 0; slot < listed(); ++slot) {
+    if (is_mirror(slot)) continue;
+    in.triangles.push_back(listed_triangle(slot));
+    if (!mirrors.empty()) in.two_sided.push_back(two_sided(slot));
+  }
   in.vertices = vertices;
   for (uint32_t v = 0; v < external_vertices(); ++v) in.positions.push_back(position(v));
   const size_t bytes = external_vertices() * row_bytes;
@@ -78,10 +84,12 @@ size_t CompactCluster::memory_bytes() const {
          VectorBytes(ring_vertices) + VectorBytes(star_begin) + VectorBytes(hole_begin) +
          VectorBytes(hole_slots) + VectorBytes(removers.codes()) + VectorBytes(children) +
          VectorBytes(explicit_arcs) + VectorBytes(vertex_begin) + VectorBytes(created_corners) +
-         VectorBytes(fans) + VectorBytes(later_fans);
+         VectorBytes(fans) + VectorBytes(later_fans) + VectorBytes(mirrors);
 }
 
 Result<CompactCluster> MakeCompact(Cluster cluster, const std::string& where) {
+  std::vector<uint32_t> mirrors;
+  if (!cluster.in.two_sided.empty()) mirrors = ShowBothSides(cluster);
   const size_t most = std::max({cluster.removers.size(), cluster.ring_vertices.size(),
                                 cluster.hole_slots.size(), cluster.in.positions.size()});
   if (most > kMostSlots || cluster.nodes() > kMostNodes ||
@@ -115,6 +123,7 @@ Result<CompactCluster> MakeCompact(Cluster cluster, const std::string& where) {
   c.created_corners = std::move(cluster.created_corners);
   c.fans = std::move(cluster.fans);
   c.later_fans = Tight(std::move(cluster.later_fans));
+  c.mirrors = Narrow(mirrors);  // kNone32 becomes kNoMirror
   return c;
 }
 

@@ -106,6 +106,10 @@ struct CompactCluster {
   std::vector<std::array<uint32_t, 3>> created_corners;
   std::vector<uint8_t> fans;
   std::vector<uint32_t> later_fans;
+  // Per slot: that of the same triangle's other side, or kNoMirror. The one with the smaller number
+  // is what the payload tells of. Empty when nothing is two-sided.
+  std::vector<LocalNumber> mirrors;
+  static constexpr LocalNumber kNoMirror = 0xffff;
 
   uint32_t nodes() const { return static_cast<uint32_t>(error_codes.size()); }
   uint32_t in_triangles() const { return first_own_slot; }
@@ -128,20 +132,28 @@ struct CompactCluster {
   std::span<const LocalNumber> hole(NodeIndex i) const {
     return {hole_slots.data() + hole_begin[i], hole_slots.data() + hole_begin[i + 1]};
   }
-  // The slots of a node's fans, one after the other: those of a closed star are one.
+  // True when it has several fans, or two sides.
+  bool has_later_fans(NodeIndex i) const {
+    if (later_fans.empty()) return false;
+    const auto next = std::lower_bound(later_fans.begin(), later_fans.end(), star_begin[i]);
+    return next != later_fans.end() && *next < star_begin[i + 1];
+  }
+  // The slots of a node's fans, one after the other: those of a closed star are one, and what is
+  // two-sided has one for each side.
   template <typename F>
   void ForEachFan(NodeIndex i, F&& f) const {
     const uint32_t end = star_begin[i + 1];
     uint32_t begin = star_begin[i];
-    if (!fans.empty() && fans[i] > 1) {
-      auto next = std::lower_bound(later_fans.begin(), later_fans.end(), begin);
-      for (; next != later_fans.end() && *next < end; ++next) {
-        f(IndexRange{begin, *next});
-        begin = *next;
-      }
+    auto next = std::lower_bound(later_fans.begin(), later_fans.end(), begin);
+    for (; next != later_fans.end() && *next < end; ++next) {
+      f(IndexRange{begin, *next});
+      begin = *next;
     }
     f(IndexRange{begin, end});
   }
+  // True when `mirrors` says that another slot has the side which the payload tells of.
+  bool is_mirror(uint32_t slot) const { return !mirrors.empty() && mirrors[slot] < slot; }
+  bool two_sided(uint32_t slot) const { return !mirrors.empty() && mirrors[slot] != kNoMirror; }
   Vec3i position(uint32_t local_vertex) const { return positions[local_vertex]; }
   std::array<uint32_t, 3> listed_triangle(uint32_t slot) const {
     const std::array<LocalNumber, 3>& t = triangles[slot];
@@ -158,7 +170,8 @@ struct CompactCluster {
   size_t memory_bytes() const;  // of the arrays
 };
 
-// kCorrupt, with `where`, for a cluster that is larger than it may be.
+// kCorrupt, with `where`, for a cluster that is larger than it may be. Where `cluster` has
+// two-sided triangles, there are two slots for each of these.
 Result<CompactCluster> MakeCompact(Cluster cluster, const std::string& where);
 
 }  // namespace mtdb::internal

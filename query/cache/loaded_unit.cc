@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <cstring>
+#include <numeric>
 #include <string>
 #include <utility>
 
@@ -47,12 +48,14 @@ class Gatherer {
     const auto ordinal_there = static_cast<uint32_t>(it - children.begin());
     const std::span<const LocalNumber> slots = parent.slots_of_child(ordinal_there);
     const size_t before = triangles_.size();
-    if (slots.size() > entry_.in_triangles - before) return WrongCount("more");
+    if (slots.size() > entry_.in_triangles - taken_) return WrongCount("more");
+    taken_ += slots.size();
 
     // Step by step for all, and without branches that are hard to predict, so that waiting for
     // memory overlaps: what is read lies far apart.
     for (const uint32_t slot : slots) parent.PrefetchCreator(slot);
     for (const uint32_t slot : slots) {
+      if (parent.cluster.is_mirror(slot)) continue;
       const NodeIndex creator = CreatorOf(parent, slot);
       parent.PrefetchCorners(slot, creator);
       origins_.push_back({static_cast<LocalNumber>(ordinal), static_cast<LocalNumber>(slot),
@@ -77,9 +80,9 @@ class Gatherer {
   // Of the triangles in the order in which they were added.
   const std::vector<SlotOrigin>& origins() const { return origins_; }
 
-  // The triangles that are in the cluster's in-slots.
+  // The triangles that are in the cluster's in-slots, of those that are two-sided one side.
   Result<std::vector<InSlot>> FindSlots() const {
-    if (triangles_.size() != entry_.in_triangles) return WrongCount("fewer");
+    if (taken_ != entry_.in_triangles) return WrongCount("fewer");
     if (!entry_.explicit_arcs) {
       CanonicalOrder order = SortCanonically(triangles_, positions_);
       if (!order.unique) {
@@ -105,6 +108,10 @@ class Gatherer {
   InPatch MakePatch(std::span<const InSlot> slots, size_t row_bytes,
                     std::vector<UnitId>& owners) const {
     InPatch patch = MakeInPatch(triangles_, positions_, slots);
+    if (std::ranges::any_of(parents_, [](const auto& p) { return !p->cluster.mirrors.empty(); })) {
+      for (const InSlot& slot : slots) patch.two_sided.push_back(IsTwoSided(slot.triangle));
+      if (std::ranges::count(patch.two_sided, 0) == std::ssize(slots)) patch.two_sided.clear();
+    }
     patch.rows.resize(patch.vertices.size() * row_bytes);
     owners.resize(patch.vertices.size());
     for (size_t v = 0; v < patch.vertices.size(); ++v) {
@@ -129,6 +136,11 @@ class Gatherer {
   Status WrongCount(const char* relation) const {
     return Corrupt(name_ + ": its parents leave " + relation + " than the " +
                    std::to_string(entry_.in_triangles) + " in-triangles of the index");
+  }
+
+  bool IsTwoSided(size_t triangle) const {
+    const SlotOrigin& origin = origins_[triangle];
+    return parents_[origin.parent]->cluster.two_sided(origin.slot);
   }
 
   // As parent.creator(slot).
@@ -198,6 +210,7 @@ class Gatherer {
   const std::span<const LoadedUnitPtr> parents_;
   std::vector<std::array<uint32_t, 3>> triangles_;  // of numbers of vertices
   std::vector<SlotOrigin> origins_;                 // likewise
+  size_t taken_ = 0;                                // triangles, both sides counted
   std::vector<ExplicitArc> arcs_;                   // likewise, or empty
   std::vector<Vertex> vertices_;
   std::vector<Vec3i> positions_;  // of vertices
@@ -411,6 +424,27 @@ Result<Cluster> DecodeFromParents(const ObjectRecord& record, const ClusterIndex
   return DecodeCluster(payload, std::move(patch), record.attributes, entry.nodes, name);
 }
 
+// Of a cluster with two-sided triangles, whose slots have become more: where those of the other
+// sides come from.
+void AddOtherSides(std::span<const LoadedUnitPtr> parents, LoadedUnit& unit) {
+  const CompactCluster& c = unit.cluster;
+  const std::vector<SlotOrigin> told = std::move(unit.origins);
+  unit.origins.resize(c.in_triangles());
+  size_t next = 0;
+  for (uint32_t slot = 0; slot < c.in_triangles(); ++slot) {
+    if (c.is_mirror(slot)) continue;
+    const SlotOrigin origin = unit.origins[slot] = told[next++];
+    if (!c.two_sided(slot)) continue;
+    const LocalNumber mirror = parents[origin.parent]->cluster.mirrors[origin.slot];
+    unit.origins[c.mirrors[slot]] = {origin.parent, mirror, origin.made_by};
+  }
+  unit.by_origin.resize(c.in_triangles());
+  std::iota(unit.by_origin.begin(), unit.by_origin.end(), LocalNumber{0});
+  std::ranges::sort(unit.by_origin, {}, [&](LocalNumber slot) {
+    return std::pair(unit.origins[slot].parent, unit.origins[slot].slot);
+  });
+}
+
 }  // namespace
 
 Result<LoadedUnitPtr> LoadUnit(const ObjectRecord& record, const ClusterIndex& index, UnitId unit,
@@ -425,6 +459,7 @@ Result<LoadedUnitPtr> LoadUnit(const ObjectRecord& record, const ClusterIndex& i
            : DecodeFromParents(record, index, name, payload, parents, *loaded));
   MTDB_ASSIGN_OR_RETURN(loaded->cluster, MakeCompact(std::move(cluster), name));
   MTDB_RETURN_IF_ERROR(CheckUnit(name, index, unit, loaded->cluster));
+  if (!root && !loaded->cluster.mirrors.empty()) AddOtherSides(parents, *loaded);
   if (root) loaded->owners.assign(loaded->cluster.external_vertices(), kNone32);
   loaded->drain = FindDrain(*loaded);
   loaded->creators = FindCreators(*loaded);

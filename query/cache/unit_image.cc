@@ -31,6 +31,7 @@ void ForEachArray(Unit& unit, F&& f) {
   f(cluster.created_corners);
   f(cluster.fans);
   f(cluster.later_fans);
+  f(cluster.mirrors);
   f(unit.parents);
   f(unit.origins);
   f(unit.by_origin);

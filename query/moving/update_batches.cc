@@ -113,7 +113,7 @@ void UpdateBatches::Reserve(UpdateBatch& batch) const {
 void UpdateBatches::AddNode(const LoadedUnit& unit, NodeIndex node,
                             std::span<const NodeIndex> creators, UpdateBatch& batch) const {
   const CompactCluster& c = unit.cluster;
-  if (c.fans.empty() || c.fans[node] < 2) {
+  if (!c.has_later_fans(node)) {
     AddHole(unit, node, {c.star_begin[node], c.star_begin[node + 1]}, c.ring(node), c.hole(node),
             creators, batch);
     return;
@@ -128,6 +128,7 @@ void UpdateBatches::AddNode(const LoadedUnit& unit, NodeIndex node,
       if (ring.empty()) ring.push_back(static_cast<LocalNumber>(corners[1]));
       ring.push_back(static_cast<LocalNumber>(corners[2]));
     }
+    if (ring.front() == ring.back()) ring.pop_back();  // it is closed
     const size_t count = ring.size() - 2;
     const bool twin = batch.nodes.size() > first;
     AddHole(unit, node, star, ring, c.hole(node).subspan(done, count),

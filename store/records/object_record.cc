@@ -31,6 +31,7 @@ enum Tag : uint8_t {
   kDigests = 0x8a,
   kRaster = 0x8b,
   kView = 0x0c,
+  kSheets = 0x8d,
 };
 constexpr uint16_t kSections = 10;  // of every object
 
@@ -367,6 +368,13 @@ void GetView(RecordReader* r, ObjectRecord* o) {
   up.given = r->GetAtMost(1, "where up is from") != 0;
 }
 
+ByteWriter PutSheets(const ObjectRecord& o) {
+  ByteWriter w;
+  w.PutVarint(o.input.two_sided_triangles);
+  return w;
+}
+void GetSheets(RecordReader* r, ObjectRecord* o) { o->input.two_sided_triangles = r->Get64(); }
+
 struct SectionCodec {
   Tag tag;
   ByteWriter (*put)(const ObjectRecord&);
@@ -388,7 +396,8 @@ constexpr SectionCodec kCodecs[kSections] = {
 };
 // Sections that not every object has, behind the others.
 constexpr std::array kMoreCodecs = {SectionCodec{kRaster, PutRaster, GetRaster},
-                                    SectionCodec{kView, PutView, GetView}};
+                                    SectionCodec{kView, PutView, GetView},
+                                    SectionCodec{kSheets, PutSheets, GetSheets}};
 
 }  // namespace
 
@@ -408,10 +417,13 @@ Bytes EncodeObjectRecord(const ObjectRecord& record) {
   ByteWriter w;
   w.Put(kRecordVersion);
   w.Put(uint16_t{0});
-  w.Put(static_cast<uint16_t>(kSections + (record.raster ? 1 : 0) + (record.up ? 1 : 0)));
+  const bool sheets = record.input.two_sided_triangles != 0;
+  w.Put(static_cast<uint16_t>(kSections + (record.raster ? 1 : 0) + (record.up ? 1 : 0) +
+                              (sheets ? 1 : 0)));
   for (const SectionCodec& codec : kCodecs) PutSection(codec.tag, codec.put(record), &w);
   if (record.raster) PutSection(kRaster, PutRaster(record), &w);
   if (record.up) PutSection(kView, PutView(record), &w);
+  if (sheets) PutSection(kSheets, PutSheets(record), &w);
   return w.Take();
 }
 

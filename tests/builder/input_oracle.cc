@@ -11,6 +11,7 @@ InputOracle::InputOracle(const std::vector<TriangleVertices>& input, uint64_t ve
   report.vertices = vertex_count;
   report.triangles = input.size();
   std::set<TriangleVertices> seen;
+  std::map<TriangleVertices, size_t> numbers;  // of those that are kept
   for (TriangleVertices t : input) {
     if (t[0] == t[1] || t[1] == t[2] || t[2] == t[0]) {
       ++report.degenerate_triangles;
@@ -21,13 +22,22 @@ InputOracle::InputOracle(const std::vector<TriangleVertices>& input, uint64_t ve
       ++report.duplicate_triangles;
       continue;
     }
-    for (size_t c = 0; c < 3; ++c) {
-      const VertexIndex a = t[c];
-      const VertexIndex b = t[(c + 1) % 3];
-      uses[Between(a, b)].push_back(a < b ? 1 : -1);
-      at[a].push_back(kept.size());
+    if (const auto opposite = numbers.find({t[0], t[2], t[1]}); opposite != numbers.end()) {
+      two_sided[opposite->second] = true;
+      ++report.two_sided_triangles;
+      continue;
     }
+    numbers[t] = kept.size();
     kept.push_back(t);
+    two_sided.push_back(false);
+  }
+  for (size_t i = 0; i < kept.size(); ++i) {
+    for (size_t c = 0; c < 3; ++c) {
+      const VertexIndex a = kept[i][c];
+      const VertexIndex b = kept[i][(c + 1) % 3];
+      uses[Between(a, b)].push_back(two_sided[i] ? 0 : a < b ? 1 : -1);
+      at[a].push_back(i);
+    }
   }
   report.unreferenced_vertices = vertex_count - at.size();
   for (const auto& [edge, u] : uses) {
@@ -91,20 +101,16 @@ uint32_t InputOracle::FirstNumber(VertexIndex v) const {
   return static_cast<uint32_t>(number);
 }
 
-// 0: two triangles that run opposite ways.
+// 0: two triangles that run opposite ways, or that are both two-sided.
 size_t InputOracle::OrderOf(const Edge& edge) const {
   const std::vector<int>& u = uses.at(edge);
-  return u.size() == 2 && u[0] != u[1] ? 0 : u.size();
-}
-
-bool InputOracle::IsManifold(const Edge& edge) const {
-  const std::vector<int>& u = uses.at(edge);
-  return u.size() == 1 || (u.size() == 2 && u[0] != u[1]);
+  const bool goes_on = u.size() == 2 && u[0] + u[1] == 0;
+  return goes_on ? 0 : u.size();
 }
 
 uint64_t InputOracle::BorderEdges() const {
   uint64_t count = 0;
-  for (const auto& [edge, u] : uses) count += u.size() == 1;
+  for (const auto& [edge, u] : uses) count += u.size() == 1 && u[0] != 0;
   return count;
 }
 
@@ -149,6 +155,7 @@ std::vector<TileTriangle> ClassifiedTriangles(const TriangleMesh& mesh, const Gr
       t.positions[c] = grid.Quantize(mesh.positions[v]);
       t.set_order(c, static_cast<uint32_t>(std::min<size_t>(order, kMostOrder)));
       t.set_fixed(c, oracle.fixed.contains(v));
+      t.set_two_sided(oracle.two_sided[triangles.size() - 1]);
       if (!oracle.chains.contains(v)) continue;
       // Fans are numbered by their first triangles.
       const std::vector<size_t> group = oracle.FanGroups(v);

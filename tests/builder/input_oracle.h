@@ -23,14 +23,15 @@ struct InputOracle {
 
   InputOracle(const std::vector<TriangleVertices>& input, uint64_t vertex_count);
 
-  // One triangle, or two that run along it in opposite directions.
-  bool IsManifold(const Edge& edge) const;
-  bool IsBorder(const Edge& edge) const { return uses.at(edge).size() == 1; }
+  // One triangle, two that run along it in opposite directions, or two that are two-sided.
+  bool IsManifold(const Edge& edge) const { return OrderOf(edge) < 2; }
   uint64_t BorderEdges() const;
 
   std::vector<TriangleVertices> kept;  // in the input's order, the smallest index first
+  std::vector<bool> two_sided;         // of them; the opposite came later, and is not kept
   InputReport report;
-  std::map<Edge, std::vector<int>> uses;          // +1: runs from the smaller end to the larger; -1
+  // By kept triangles; +1: runs from the smaller end to the larger; -1; 0: it is two-sided.
+  std::map<Edge, std::vector<int>> uses;
   std::map<VertexIndex, std::vector<size_t>> at;  // kept triangles at a vertex
   std::set<VertexIndex> fixed;                    // at a non-manifold place, and on no chain
   std::map<VertexIndex, uint32_t> chains;  // vertices on chains of several triangles: how many

@@ -375,6 +375,8 @@ Truth MakeTruth(const std::vector<TriangleMesh>& parts, const std::vector<bool>&
       ++truth.report.duplicate_triangles;
       continue;
     }
+    const auto [a, b, c] = rotated;
+    truth.report.two_sided_triangles += seen.contains({a, c, b});
     kept.push_back(rotated);
     if (weld) kept_before.push_back(truth.surface.triangles[i]);
     for (const VertexIndex v : t) used[v] = true;

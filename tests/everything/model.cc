@@ -191,6 +191,7 @@ std::string Settle(const ObjectRecord& record, StoredObject* object) {
         same(in.triangles, truth.report.triangles, "input triangles"),
         same(in.degenerate_triangles, truth.report.degenerate_triangles, "degenerate triangles"),
         same(in.duplicate_triangles, truth.report.duplicate_triangles, "duplicate triangles"),
+        same(in.two_sided_triangles, truth.report.two_sided_triangles, "two-sided triangles"),
         same(in.unreferenced_vertices, truth.report.unreferenced_vertices, "unused vertices"),
         same(record.triangles, truth.mesh.triangles.size(), "triangles"),
         same(record.components, truth.topology.components, "components"),

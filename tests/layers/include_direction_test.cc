@@ -72,6 +72,7 @@ const std::map<std::string, std::set<std::string>> kMayInclude{
      {"base", "store/records", "builder/disk", "builder/holes", "builder/decimate"}},
     {"builder/intake",
      {"base", "store/records", "codecs/cluster", "builder/disk", "builder/tiles"}},
+    {"builder/surface", {"base", "store/records", "builder/disk", "builder/intake"}},
     {"builder/write",
      {"base", "files", "store/records", "codecs/cluster", "builder/disk", "builder/measure",
       "builder/decimate", "builder/tiles"}},

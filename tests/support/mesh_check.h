@@ -22,8 +22,8 @@ struct MeshCheck {
   uint64_t edges = 0;  // undirected
   uint64_t boundary_edges = 0;
   uint64_t boundary_loops = 0;
-  uint64_t components = 0;  // of vertices joined by edges
-  int64_t euler_characteristic = 0;
+  uint64_t components = 0;           // of vertices joined by edges
+  int64_t euler_characteristic = 0;  // triangles of the same vertices count once
   // Wrong in a manifold, oriented mesh.
   uint64_t bad_indices = 0;
   uint64_t unused_vertices = 0;
@@ -57,7 +57,7 @@ class MeshChecker {
     CountLoops();
     check_.euler_characteristic = static_cast<int64_t>(check_.vertices - check_.unused_vertices) -
                                   static_cast<int64_t>(check_.edges) +
-                                  static_cast<int64_t>(check_.triangles);
+                                  static_cast<int64_t>(seen_.size());
     return check_;
   }
 

@@ -96,6 +96,7 @@ Json RecordJson(const ObjectRecord& r, uint64_t file_bytes) {
         {"unreferenced_vertices", r.input.unreferenced_vertices},
         {"degenerate_triangles", r.input.degenerate_triangles},
         {"duplicate_triangles", r.input.duplicate_triangles},
+        {"two_sided_triangles", r.input.two_sided_triangles},
         {"nonmanifold_edges", r.input.nonmanifold_edges},
         {"nonmanifold_vertices", r.input.nonmanifold_vertices}}},
       {"attributes", AttributesJson(r)},

@@ -52,6 +52,7 @@ const char* StreamTagName(StreamTag tag) {
     case StreamTag::kExplicitArcs: return "explicit_arcs";
     case StreamTag::kRootVertices: return "root_vertices";
     case StreamTag::kRootTriangles: return "root_triangles";
+    case StreamTag::kTwoSided: return "two_sided";
     case StreamTag::kAttributes: return "attributes";
     case StreamTag::kPadding: return "padding";
   }

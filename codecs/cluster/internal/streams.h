@@ -24,6 +24,7 @@ enum class StreamTag : uint8_t {
   kExplicitArcs = 0x85,
   kRootVertices = 0x86,
   kRootTriangles = 0x87,
+  kTwoSided = 0x88,
   kAttributes = 0x10,
   kPadding = 0x11,
 };

@@ -391,7 +391,8 @@ void BatchEncoder::EncodeListed(const UpdateBatch& batch, uint32_t first) {
   s_.coder.Bit(s_.models.insert, batch.insert);
   const auto nodes = std::span(batch.nodes).subspan(first, batch.EndOfUpdate(first) - first);
   const Node& node = nodes.front();
-  s_.coder.Raw(4, node.boundary ? static_cast<uint32_t>(nodes.size()) : 0);
+  s_.coder.Raw(5, static_cast<uint32_t>(nodes.size()));
+  s_.coder.Raw(1, node.boundary ? 1 : 0);
   for (const Node& n : nodes) EncodeLists(batch, n);
   if (!batch.insert) {
     const uint32_t vertex = s_.VertexOf(node.vertex);

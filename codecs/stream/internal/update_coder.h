@@ -21,8 +21,8 @@
 namespace mtdb::internal {
 
 inline constexpr std::array<char, 4> kUpdateMagic = {'M', 'T', 'U', 'S'};
-inline constexpr uint8_t kUpdateVersion = 7;
-inline constexpr size_t kMostListedHoles = 15;  // of one vertex
+inline constexpr uint8_t kUpdateVersion = 8;
+inline constexpr size_t kMostListedHoles = 30;  // of one vertex
 inline constexpr uint64_t kMaxRecordBytes = uint64_t{1} << 28;
 
 // What a record does, in 64ths of a byte. A record is padded with zeros until it is no shorter than

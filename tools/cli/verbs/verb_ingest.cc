@@ -119,6 +119,7 @@ void PrintSummary(const ObjectRecord& r, uint64_t file_bytes) {
   note(in.degenerate_triangles, "triangles with two equal vertices dropped");
   note(in.duplicate_triangles, "duplicate triangles dropped");
   note(in.unreferenced_vertices, "vertices without a triangle dropped");
+  note(in.two_sided_triangles, "pairs of triangles back to back; each is one two-sided triangle");
   note(in.nonmanifold_edges, "non-manifold edges; where they form chains, these are simplified");
   note(in.nonmanifold_vertices,
        "vertices kept, never simplified: such edges end or meet there, or parts touch");

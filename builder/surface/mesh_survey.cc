@@ -6,8 +6,8 @@
 
 #include "builder/disk/disjoint_sets.h"
 #include "builder/intake/grid_choice.h"
-#include "builder/intake/height_field.h"
 #include "builder/intake/read_mesh.h"
+#include "builder/surface/height_field.h"
 #include "store/base/out_of_memory.h"
 
 namespace mtdb {

@@ -7,8 +7,8 @@
 #include <filesystem>
 #include <random>
 
-#include "builder/intake/corner_join.h"
 #include "builder/intake/input_spool.h"
+#include "builder/surface/corner_join.h"
 #include "tests/builder/fixture.h"
 #include "tests/builder/input_oracle.h"
 
@@ -54,6 +54,83 @@ TileTriangle Unfanned(TileTriangle t, const InputOracle& oracle) {
   return t;
 }
 
+// As seen from the other side.
+TileTriangle TurnedOver(TileTriangle t) {
+  const TileTriangle before = t;
+  for (uint32_t c = 0; c < 3; ++c) {
+    const uint32_t from = (3 - c) % 3;
+    t.vertices[c] = before.vertices[from];
+    t.positions[c] = before.positions[from];
+    t.set_fixed(c, before.fixed(from));
+    t.set_fan(c, before.fan(from));
+    t.set_order(c, before.order(2 - c));
+  }
+  return t;
+}
+
+// Whether two triangles run through their common edge in one direction.
+bool RunAlong(const TriangleVertices& a, const TriangleVertices& b) {
+  for (size_t i = 0; i < 3; ++i) {
+    for (size_t j = 0; j < 3; ++j) {
+      if (a[i] == b[j] && a[(i + 1) % 3] == b[(j + 1) % 3]) return true;
+    }
+  }
+  return false;
+}
+
+// `turned`: the kept triangles that were turned over. Neighbours that are two-sided run through the
+// edges between them in opposite directions where the whole sheet can; else none was turned.
+void RequireSheetsRunAlike(const InputOracle& oracle, const std::vector<bool>& turned) {
+  const size_t count = oracle.kept.size();
+  struct Neighbours {
+    size_t a, b;
+    bool along;
+  };
+  std::vector<Neighbours> pairs;
+  for (const auto& [edge, uses] : oracle.uses) {
+    if (uses != std::vector<int>{0, 0}) continue;
+    std::vector<size_t> both;
+    for (size_t i = 0; i < count; ++i) {
+      const TriangleVertices& t = oracle.kept[i];
+      if (std::ranges::count(t, edge.first) + std::ranges::count(t, edge.second) == 2) {
+        both.push_back(i);
+      }
+    }
+    pairs.push_back({both[0], both[1], RunAlong(oracle.kept[both[0]], oracle.kept[both[1]])});
+  }
+  // Each sheet's triangles get the sides that its first one asks for, as far as that goes.
+  std::vector<int> side(count, -1);
+  std::vector<size_t> sheet(count);
+  std::set<size_t> one_sided;
+  for (size_t first = 0; first < count; ++first) {
+    if (!oracle.two_sided[first] || side[first] >= 0) continue;
+    side[first] = 0;
+    sheet[first] = first;
+    for (bool more = true; more;) {
+      more = false;
+      for (auto [a, b, along] : pairs) {
+        if (side[a] < 0) std::swap(a, b);
+        if (side[a] < 0 || sheet[a] != first) continue;
+        const int wanted = along ? 1 - side[a] : side[a];
+        if (side[b] < 0) {
+          side[b] = wanted;
+          sheet[b] = first;
+          more = true;
+        } else if (side[b] != wanted) {
+          one_sided.insert(first);
+        }
+      }
+    }
+  }
+  for (const auto& [a, b, along] : pairs) {
+    if (one_sided.contains(sheet[a])) continue;
+    REQUIRE((turned[a] != turned[b]) == along);
+  }
+  for (size_t i = 0; i < count; ++i) {
+    if (oracle.two_sided[i] && one_sided.contains(sheet[i])) REQUIRE_FALSE(turned[i]);
+  }
+}
+
 void RequireAgreement(const TriangleMesh& mesh, size_t memory_bytes, unsigned threads) {
   const InputOracle oracle(mesh.triangles, mesh.positions.size());
   InputSpool input(&Space(), memory_bytes, false);
@@ -90,7 +167,8 @@ void RequireAgreement(const TriangleMesh& mesh, size_t memory_bytes, unsigned th
   REQUIRE(joined.ok());
   REQUIRE(rows_fit);
   REQUIRE(totals.vertices == oracle.at.size());
-  REQUIRE(totals.triangles == oracle.kept.size());
+  REQUIRE(totals.triangles == oracle.kept.size() + oracle.report.two_sided_triangles);
+  REQUIRE(totals.two_sided_triangles == oracle.report.two_sided_triangles);
   REQUIRE(totals.boundary_edges == oracle.BorderEdges());
   REQUIRE(totals.unreferenced_vertices == oracle.report.unreferenced_vertices);
   REQUIRE(totals.duplicate_triangles == oracle.report.duplicate_triangles);
@@ -98,14 +176,19 @@ void RequireAgreement(const TriangleMesh& mesh, size_t memory_bytes, unsigned th
   REQUIRE(totals.nonmanifold_vertices == oracle.report.nonmanifold_vertices);
   const std::vector<TileTriangle> expected = ClassifiedTriangles(mesh, grid);
   REQUIRE(found.size() == expected.size());
+  std::vector<bool> turned;
   for (size_t i = 0; i < expected.size(); ++i) {
     INFO("triangle " << i);
-    const TileTriangle wanted = Rotated(Unfanned(expected[i], oracle));
+    TileTriangle wanted = Rotated(Unfanned(expected[i], oracle));
+    turned.push_back(found[i].vertices != wanted.vertices);
+    if (turned.back()) wanted = TurnedOver(wanted);
+    REQUIRE((!turned.back() || wanted.two_sided()));
     REQUIRE(found[i].vertices == wanted.vertices);  // the input's order
     REQUIRE(found[i].edges == wanted.edges);
     REQUIRE(found[i].fans == wanted.fans);
     REQUIRE(found[i].child == kNone32);
   }
+  RequireSheetsRunAlike(oracle, turned);
 }
 
 TriangleMesh WithVertices(uint64_t count, std::mt19937& random) {
@@ -150,6 +233,13 @@ TEST_CASE("Manifold pieces with few faults are classified as the definitions say
         const size_t u = (y + 1) % 4;
         list.push_back({number[4 * y + x], number[4 * y + r], number[4 * u + r]});
         list.push_back({number[4 * y + x], number[4 * u + r], number[4 * u + x]});
+      }
+    }
+    if (random() % 3 == 0) {  // parts are two-sided; which side comes first is left to chance
+      const size_t one_sided = list.size();
+      for (size_t t = random() % one_sided; t < one_sided; ++t) {
+        const TriangleVertices side = list[t];
+        if (random() % 10 != 0) list.push_back({side[0], side[2], side[1]});
       }
     }
     std::shuffle(list.begin(), list.end(), random);

@@ -3,8 +3,8 @@
 // is farther off than promised, by looking for the triangle above each place.
 #include <catch2/catch.hpp>
 
-#include "builder/intake/height_field.h"
 #include "builder/mesh_survey.h"
+#include "builder/surface/height_field.h"
 #include "tests/builder/fixture.h"
 
 namespace mtdb::testing {

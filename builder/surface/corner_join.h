@@ -14,8 +14,9 @@
 namespace mtdb::internal {
 
 struct JoinTotals {
-  uint64_t vertices = 0;   // referenced by a kept triangle
-  uint64_t triangles = 0;  // kept
+  uint64_t vertices = 0;             // referenced by a kept triangle
+  uint64_t triangles = 0;            // kept; those that are two-sided count twice
+  uint64_t two_sided_triangles = 0;  // pairs of opposite ones
   uint64_t boundary_edges = 0;
   uint64_t unreferenced_vertices = 0;
   uint64_t duplicate_triangles = 0;
@@ -37,10 +38,14 @@ struct JoinOptions {
 // - an edge vx occurs as often as x is an end of a link edge: once on the border, twice (once in
 //   each direction) inside a manifold; otherwise it is non-manifold. All but the second are creases
 //   (docs/glossary.md), and as often is their order;
+// - two link edges that are each other's reverse are two triangles back to back: one that is
+//   two-sided, and counts once from then on. An edge of two such triangles and of no others is no
+//   crease, however these two run;
 // - a path of link edges between creases is a fan. A vertex with two creases that all its fans join
 //   is on a chain; it stays when it has other creases, or several fans;
 // - a link edge that repeats is a duplicate triangle: the first in the input's order stays.
-// The last pass over the triangles meets the answers in the order of the questions.
+// The last pass over the triangles meets the answers in the order of the questions. It turns
+// two-sided triangles over that do not run as their neighbours do (sheet_orientation.h).
 //
 // The input's vertices and triangles are gone afterwards: their room on the disk goes back on the
 // way.

@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "builder/intake/corner_join.h"
+#include "builder/surface/corner_join.h"
 
 #include <algorithm>
 #include <utility>
 
 #include "builder/disk/packed_numbers.h"
 #include "builder/disk/parallel.h"
+#include "builder/surface/sheet_orientation.h"
 
 namespace mtdb::internal {
 
@@ -17,10 +18,11 @@ struct Corner {
 };
 // What is answered: the order of the edge (v, a), see TileTriangle::order, and ...
 constexpr uint16_t kOrderMask = 15;
-constexpr uint16_t kFixed = 16;      // v is a node of the graph of creases, or not one fan
-constexpr uint16_t kDuplicate = 32;  // the triangle repeats an earlier one
-constexpr uint16_t kChain = 64;      // v has a number for each fan; this one's in the bits above
-constexpr int kFanShift = 7;
+constexpr uint16_t kFixed = 16;     // v is a node of the graph of creases, or not one fan
+constexpr uint16_t kDropped = 32;   // the triangle repeats an earlier one, or is its opposite
+constexpr uint16_t kTwoSided = 64;  // a later one is its opposite
+constexpr uint16_t kChain = 128;    // v has a number for each fan; this one's in the bits above
+constexpr int kFanShift = 8;
 // Memory that a range takes per corner: the corner, its place in the vertex's list, its answer.
 constexpr size_t kCornerMemory = sizeof(Corner) + sizeof(uint32_t) + sizeof(uint16_t);
 // And per vertex, beside its row: position, displacement, list, first number of its fans.
@@ -90,7 +92,7 @@ class AnswerPacking {
              std::byte* bytes) {
     const size_t at = vertex & (known_ - 1);
     const bool known = table_[at].vertex == vertex;
-    const bool few = flags < kChain;
+    const bool few = flags < kTwoSided;
     std::byte* to = bytes;
     *to++ = static_cast<std::byte>((few ? flags << 1 : kLong) | known);
     if (!few) to = PutVarint(PutVarint(to, flags), number);
@@ -152,13 +154,16 @@ class Link {
  public:
   struct Counts {
     uint64_t duplicates = 0;
+    uint64_t two_sided = 0;
     uint64_t border_edges = 0;       // running away from the vertex
     uint64_t nonmanifold_edges = 0;  // to a larger vertex
     bool stays = false;              // whatever the error
     uint32_t fans = 0;               // of a vertex on a chain of creases of this order, more than 1
   };
   // `places` index `corners` in the input's order; sets their `flags`.
-  Counts Analyse(std::span<const uint32_t> places, const Corner* corners, uint16_t* flags) {
+  // Appends to `turns` what it finds about two-sided triangles.
+  Counts Analyse(std::span<const uint32_t> places, const Corner* corners, uint16_t* flags,
+                 std::vector<SheetTurn>& turns) {
     Counts counts;
     edges_.clear();
     for (const uint32_t i : places) edges_.push_back({corners[i].a, corners[i].b, i});
@@ -166,10 +171,11 @@ class Link {
     std::sort(edges_.begin(), edges_.end(), [](const Edge& x, const Edge& y) {
       return std::tie(x.a, x.b, x.place) < std::tie(y.a, y.b, y.place);
     });
-    DropDuplicates(corners, flags, counts);
-    if (edges_.empty()) return counts;
     const uint32_t v = corners[places[0]].vertex;
+    DropDuplicates(v, flags, counts);
+    JoinOpposites(v, flags, counts);
     CountUses();
+    if (!two_sided_.empty()) FindTurns(v, turns);
     bool known = true;  // the orders of all edges
     uint32_t creases = 0;
     for (const Neighbour& n : neighbours_) {
@@ -193,18 +199,21 @@ class Link {
   struct Edge {
     uint32_t a, b, place;
     uint32_t fan = kNone32;
+    bool two_sided = false;
   };
   struct Neighbour {
     uint32_t vertex;
-    uint32_t out, in;
-    uint32_t uses() const { return out + in; }
-    uint32_t order() const { return out == 1 && in == 1 ? 0 : uses(); }
+    uint32_t out = 0, in = 0, two_sided = 0;  // link edges of either kind
+    uint32_t uses() const { return out + in + two_sided; }
+    bool inside_two_sided() const { return two_sided == 2 && uses() == 2; }
+    bool inside() const { return out == 1 && in == 1 && uses() == 2; }
+    uint32_t order() const { return inside() || inside_two_sided() ? 0 : uses(); }
   };
   // True when the edges, in any order, are one cycle: most vertices. A walk that returns to its
   // first edge after as many steps as there are edges has met each once, and no two begin alike.
   bool OneCycle() const {
     constexpr size_t kFew = 16;  // all pairs are compared
-    if (edges_.size() > kFew) return false;
+    if (edges_.size() > kFew || edges_.size() == 2) return false;
     size_t at = 0;
     for (size_t step = 1;; ++step) {
       const uint32_t next = edges_[at].b;
@@ -215,13 +224,12 @@ class Link {
     }
   }
   // They are counted at the smallest of the three vertices.
-  void DropDuplicates(const Corner* corners, uint16_t* flags, Counts& counts) {
+  void DropDuplicates(uint32_t v, uint16_t* flags, Counts& counts) {
     size_t kept = 0;
     for (size_t i = 0; i < edges_.size(); ++i) {
       const Edge& e = edges_[i];
       if (i > 0 && e.a == edges_[kept - 1].a && e.b == edges_[kept - 1].b) {
-        flags[e.place] |= kDuplicate;
-        const uint32_t v = corners[e.place].vertex;
+        flags[e.place] |= kDropped;
         counts.duplicates += v < e.a && v < e.b;
       } else {
         edges_[kept++] = e;
@@ -229,37 +237,94 @@ class Link {
     }
     edges_.resize(kept);
   }
+  // Of two that are each other's reverse the first in the input's order stays, two-sided.
+  void JoinOpposites(uint32_t v, uint16_t* flags, Counts& counts) {
+    two_sided_.clear();
+    size_t kept = 0;
+    for (Edge& e : edges_) {
+      const auto reverse =
+          std::lower_bound(edges_.begin(), edges_.end(), std::pair(e.b, e.a),
+                           [](const Edge& x, const auto& y) { return std::pair(x.a, x.b) < y; });
+      e.two_sided = reverse != edges_.end() && reverse->a == e.b && reverse->b == e.a;
+      if (e.two_sided) flags[e.place] |= reverse->place < e.place ? kDropped : kTwoSided;
+    }
+    for (const Edge& e : edges_) {
+      if (flags[e.place] & kDropped) continue;
+      counts.two_sided += e.two_sided && v < e.a && v < e.b;
+      if (e.two_sided) {
+        two_sided_.push_back({e.a, static_cast<uint32_t>(kept)});
+        two_sided_.push_back({e.b, static_cast<uint32_t>(kept)});
+      }
+      edges_[kept++] = e;
+    }
+    edges_.resize(kept);
+    std::sort(two_sided_.begin(), two_sided_.end());
+  }
   // Sets the neighbours, with the number of link edges that begin and end there.
   void CountUses() {
     ends_.clear();
     for (const Edge& e : edges_) {
-      ends_.push_back({e.a, true});
-      ends_.push_back({e.b, false});
+      ends_.push_back({e.a, e.two_sided ? End::kOfTwoSided : End::kOut});
+      ends_.push_back({e.b, e.two_sided ? End::kOfTwoSided : End::kIn});
     }
     std::sort(ends_.begin(), ends_.end());
     neighbours_.clear();
     for (size_t i = 0; i < ends_.size();) {
-      Neighbour n{ends_[i].first, 0, 0};
+      Neighbour n{ends_[i].first};
       for (; i < ends_.size() && ends_[i].first == n.vertex; ++i) {
-        (ends_[i].second ? n.out : n.in) += 1;
+        const End end = ends_[i].second;
+        (end == End::kOut ? n.out : end == End::kIn ? n.in : n.two_sided) += 1;
       }
       neighbours_.push_back(n);
+    }
+  }
+  // The places in edges_ of two-sided ones that begin or end there.
+  std::span<const std::pair<uint32_t, uint32_t>> TwoSidedAt(uint32_t vertex) const {
+    const auto [begin, end] = std::ranges::equal_range(
+        two_sided_, vertex, {}, [](const auto& entry) { return entry.first; });
+    return {begin, end};
+  }
+  // How those run that meet in an edge to a larger vertex.
+  void FindTurns(uint32_t v, std::vector<SheetTurn>& turns) const {
+    for (const Neighbour& n : neighbours_) {
+      if (n.vertex < v || !n.inside_two_sided()) continue;
+      const auto at = TwoSidedAt(n.vertex);
+      const Edge& e = edges_[at[0].second];
+      const Edge& f = edges_[at[1].second];
+      turns.push_back({SheetOrientation::KeyOf(v, e.a, e.b), SheetOrientation::KeyOf(v, f.a, f.b),
+                       (e.a == n.vertex) == (f.a == n.vertex)});
     }
   }
   const Neighbour& At(uint32_t vertex) const {
     return *std::lower_bound(neighbours_.begin(), neighbours_.end(), vertex,
                              [](const Neighbour& n, uint32_t x) { return n.vertex < x; });
   }
-  // Follows the fan that begins with the edge; returns where it ends, or where it began.
-  uint32_t Follow(Edge& first, uint32_t fan) {
-    for (Edge* e = &first;;) {
-      e->fan = fan;
-      if (At(e->b).order() != 0) return e->b;
-      const auto next = std::lower_bound(edges_.begin(), edges_.end(), e->b,
-                                         [](const Edge& x, uint32_t y) { return x.a < y; });
-      e = &*next;
-      if (e == &first) return e->a;
+  // The next edge of the fan at a vertex where it does not end.
+  Edge& Beyond(const Edge& e, uint32_t vertex) {
+    if (!e.two_sided) {
+      return *std::lower_bound(edges_.begin(), edges_.end(), vertex,
+                               [](const Edge& x, uint32_t y) { return x.a < y; });
     }
+    const auto at = TwoSidedAt(vertex);
+    Edge& first = edges_[at[0].second];
+    return &first != &e ? first : edges_[at[1].second];
+  }
+  // Follows the fan that begins with the edge, at its end `from`; returns where it ends, or where
+  // it began.
+  uint32_t Follow(Edge& first, uint32_t from, uint32_t fan) {
+    Edge* e = &first;
+    for (uint32_t at = from;;) {
+      e->fan = fan;
+      at = at == e->a ? e->b : e->a;
+      if (At(at).order() != 0) return at;
+      e = &Beyond(*e, at);
+      if (e == &first) return at;
+    }
+  }
+  // Follows the fan that begins with the edge at a crease; true: it runs from one to another one.
+  bool FollowOpen(Edge& e) {
+    const uint32_t from = At(e.a).order() != 0 || !e.two_sided ? e.a : e.b;
+    return Follow(e, from, fans_++) != from;
   }
   // Numbers the fans in the input's order. False when the vertex stays: when it has more than one
   // fan without being on a chain, or is an end of creases.
@@ -268,12 +333,13 @@ class Link {
     first_places_.clear();
     bool chain = creases == 0 || creases == 2;
     for (Edge& e : edges_) {
-      if (At(e.a).order() == 0) continue;
-      chain &= Follow(e, fans_++) != e.a;
+      if (e.fan != kNone32) continue;
+      const bool begins = At(e.a).order() != 0 || (e.two_sided && At(e.b).order() != 0);
+      if (begins) chain &= FollowOpen(e);
     }
     const uint32_t open = fans_;
     for (Edge& e : edges_) {
-      if (e.fan == kNone32) Follow(e, fans_++);
+      if (e.fan == kNone32) Follow(e, e.a, fans_++);
     }
     // Of a chain, each fan runs from one crease to the other.
     chain &= creases == 0 ? fans_ == 1 : fans_ == open && fans_ <= kMostOrder;
@@ -289,8 +355,11 @@ class Link {
     return true;
   }
 
+  enum class End : uint8_t { kIn, kOut, kOfTwoSided };
+
   std::vector<Edge> edges_;  // sorted by a
-  std::vector<std::pair<uint32_t, bool>> ends_;
+  std::vector<std::pair<uint32_t, End>> ends_;
+  std::vector<std::pair<uint32_t, uint32_t>> two_sided_;  // ends, places in edges_; sorted
   std::vector<Neighbour> neighbours_;
   uint32_t fans_ = 0;
   std::vector<uint32_t> first_places_;  // of fans
@@ -299,7 +368,11 @@ class Link {
 class Join {
  public:
   Join(InputMesh& input, const Grid& grid, const JoinOptions& options, JoinTotals& totals)
-      : input_(input), grid_(grid), options_(options), totals_(totals) {
+      : input_(input),
+        grid_(grid),
+        options_(options),
+        totals_(totals),
+        orientation_(options.table_bytes) {
     const uint64_t vertices = input.vertices();
     const uint64_t triangles = input.triangles();
     const uint64_t need =
@@ -345,6 +418,7 @@ class Join {
       totals_.vertices += part.vertices;
       totals_.unreferenced_vertices += part.unreferenced_vertices;
       totals_.duplicate_triangles += part.duplicate_triangles;
+      totals_.two_sided_triangles += part.two_sided_triangles;
       totals_.boundary_edges += part.boundary_edges;
       totals_.nonmanifold_edges += part.nonmanifold_edges;
       totals_.nonmanifold_vertices += part.nonmanifold_vertices;
@@ -374,6 +448,7 @@ class Join {
     std::vector<Corner> corners;
     std::vector<uint32_t> begin, places;
     std::vector<uint16_t> flags;
+    std::vector<SheetTurn> turns;
     std::vector<uint32_t> numbers;  // of vertices on chains: of their first fans, in the range
     uint32_t fans = 0;              // of the range's vertices on chains
   };
@@ -407,7 +482,8 @@ class Join {
       w.totals.rounding_error = std::max(w.totals.rounding_error, w.displaced[v]);
       const Link::Counts counts =
           w.link.Analyse(std::span(w.places).subspan(w.begin[v], w.begin[v + 1] - w.begin[v]),
-                         w.corners.data(), w.flags.data());
+                         w.corners.data(), w.flags.data(), w.turns);
+      w.totals.two_sided_triangles += counts.two_sided;
       w.totals.duplicate_triangles += counts.duplicates;
       w.totals.boundary_edges += counts.border_edges;
       w.totals.nonmanifold_edges += counts.nonmanifold_edges;
@@ -415,6 +491,8 @@ class Join {
       w.numbers[v] = w.fans;
       w.fans += counts.fans;
     }
+    orientation_.Add(w.turns);
+    w.turns.clear();
     first_fans_[r] = w.fans;
     return WriteAnswers(r, first, w);
   }
@@ -524,12 +602,16 @@ class Join {
         }
         out.rows.insert(out.rows.end(), answer.row, answer.row + row);
       }
-      if (all & kDuplicate) {
+      if (all & kDropped) {
         out.triangles.pop_back();
         out.rows.resize(out.rows.size() - 3 * row);
         continue;
       }
-      ++totals_.triangles;
+      if (all & kTwoSided) {
+        triangle.set_two_sided(true);
+        if (orientation_.Turned(vertices)) TurnOver(triangle, std::span(out.rows).last(3 * row));
+      }
+      totals_.triangles += triangle.sides();
       if (out.triangles.size() == block_size) {
         MTDB_RETURN_IF_ERROR(receive(std::exchange(out, TriangleBlock{})));
       }
@@ -537,10 +619,27 @@ class Join {
     return out.triangles.empty() ? Status::Ok() : receive(std::move(out));
   }
 
+  // Exchanges the last two corners; `rows`: of the corners.
+  static void TurnOver(TileTriangle& triangle, std::span<std::byte> rows) {
+    const TileTriangle old = triangle;
+    constexpr std::array<uint32_t, 3> kCorners = {0, 2, 1};
+    constexpr std::array<uint32_t, 3> kEdges = {2, 1, 0};
+    for (uint32_t c = 0; c < 3; ++c) {
+      triangle.vertices[c] = old.vertices[kCorners[c]];
+      triangle.positions[c] = old.positions[kCorners[c]];
+      triangle.set_fan(c, old.fan(kCorners[c]));
+      triangle.set_fixed(c, old.fixed(kCorners[c]));
+      triangle.set_order(c, old.order(kEdges[c]));
+    }
+    const size_t row = rows.size() / 3;
+    std::ranges::swap_ranges(rows.subspan(row, row), rows.subspan(2 * row, row));
+  }
+
   InputMesh& input_;
   const Grid& grid_;
   const JoinOptions& options_;
   JoinTotals& totals_;
+  SheetOrientation orientation_;
   uint64_t range_need_ = 0;           // bytes of a range's tables, on average
   int range_bits_ = 0;                // of the number of vertices in a range
   unsigned workers_ = 1;              // ranges at work at a time

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "builder/intake/height_field.h"
+#include "builder/surface/height_field.h"
 
 #include <algorithm>
 #include <cmath>

@@ -7,10 +7,9 @@
 #include <set>
 #include <vector>
 
-#include "builder/disk/tile.h"
-#include "builder/intake/corner_join.h"
 #include "builder/intake/input_mesh.h"
 #include "builder/mesh_survey.h"
+#include "builder/surface/corner_join.h"
 #include "store/base/grid.h"
 #include "store/base/status.h"
 
