@@ -69,6 +69,17 @@ TriangleMesh MakeFinnedSheet(int n) {
   return mesh;
 }
 
+// The same with two sides but for a strip: sheets and fin alike.
+TriangleMesh MakeTwoSidedSheet(int n) {
+  TriangleMesh mesh = MakeFinnedSheet(n);
+  const size_t count = mesh.triangles.size();
+  for (size_t i = 0; i < count; ++i) {
+    const auto [a, b, c] = mesh.triangles[i];
+    if (mesh.positions[a].x > 0.3) mesh.triangles.push_back({a, c, b});
+  }
+  return mesh;
+}
+
 // Those that meet the region.
 std::multiset<std::string> CutTriangles(const Surface& surface, Cut& cut,
                                         const MeetsRegion& region) {
@@ -188,6 +199,17 @@ TEST_CASE("a client follows a session over non-manifold edges and vertices") {
   TriangleMesh sheet = MakeFinnedSheet(40);
   NumberVertices(&sheet);
   Walk(Build(sheet), 80, 50, false);
+}
+
+TEST_CASE("a client follows a session over two-sided sheets that meet") {
+  TriangleMesh sheet = MakeTwoSidedSheet(30);
+  NumberVertices(&sheet);
+  const BuiltObject object = Build(sheet);
+  CHECK(object.record.input.two_sided_triangles > 1000);
+  CHECK(object.record.root_triangles < 400);
+  Walk(object, 60, 50, false);
+  WalkClipped(object, 40, 50);
+  WalkToFullAndBack(object);
 }
 
 TEST_CASE("a clipped client that follows a session holds what of its cut meets the region") {
