@@ -117,6 +117,8 @@ struct ObjectRecord {
   uint64_t digest_high = 0;
 
   double diagonal() const { return Diagonal(bounds); }
+  // Vertices are numbered below this; nodes that bring a crumb without vertices leave gaps.
+  uint64_t vertex_numbers() const { return root_vertices + nodes; }
   std::string digest_hex() const;
 };
 

@@ -36,6 +36,7 @@ struct RemovalLimits {
   double level_error = 0;  // work units
   uint32_t level_triangles = 0;
   double largest_error = 0;    // work units; removals beyond it are not made
+  double crumb_error = 0;      // work units; small parts that are farther away stay
   uint32_t degree_limit = 12;  // a removed vertex has at most this many neighbours; <= 16
 };
 struct DecimateOptions : RemovalLimits, MeasureOptions {};

@@ -27,7 +27,7 @@ struct TileTriangle {
   // 15: two-sided.
   uint16_t edges = 0;
   // Packed: of corner i, its fan in bits 4i .. 4i+3; bit 12: the child needs slot and rotation
-  // named.
+  // named; bits 13 .. 15: of corner i, whether its vertex has fans behind this one.
   uint16_t fans = 0;
 
   // 0: the edge is no crease. Else how many triangles are at it: 1 on the surface's border. Those
@@ -36,11 +36,15 @@ struct TileTriangle {
   void set_order(uint32_t i, uint32_t order) {
     edges = static_cast<uint16_t>((edges & ~(15u << 4 * i)) | order << 4 * i);
   }
-  // A vertex on a chain of creases of order m > 1 has a number for each of its fans, m in a row:
-  // fan f of it, 0 .. m - 1, has the f-th of them. Others have fan 0.
+  // A vertex with m fans, 2 .. kMostOrder, has a number for each of them, m in a row: fan f of it,
+  // 0 .. m - 1, has the f-th of them. Others have fan 0.
   uint32_t fan(uint32_t corner) const { return fans >> 4 * corner & 15u; }
   void set_fan(uint32_t corner, uint32_t fan) {
     fans = static_cast<uint16_t>((fans & ~(15u << 4 * corner)) | fan << 4 * corner);
+  }
+  bool more_fans(uint32_t corner) const { return (fans >> (13 + corner) & 1) != 0; }
+  void set_more_fans(uint32_t corner, bool is) {
+    fans = static_cast<uint16_t>((fans & ~(1u << (13 + corner))) | (is ? 1u : 0u) << (13 + corner));
   }
   // Of its vertex: the number of fan 0.
   uint32_t seat(uint32_t corner) const { return vertices[corner] - fan(corner); }
@@ -66,7 +70,7 @@ struct TileTriangle {
 };
 static_assert(sizeof(TileTriangle) == 68 && offsetof(TileTriangle, fans) == 66);
 
-// More triangles at a crease than this, and its ends stay.
+// More triangles at a crease than this, and its ends stay; as many fans are told apart.
 constexpr uint32_t kMostOrder = 15;
 
 // Some triangles, with the attribute rows of their corners (three a triangle).
@@ -88,6 +92,16 @@ struct Removal {
   uint32_t fans = 0;
 };
 
+// A small part of the surface that vanished as a whole before anything else, to be read backwards
+// as a node: it takes triangles near the crumb away, its triggers, and puts them back with it.
+struct Crumb {
+  double error = 0;                     // work units; no point of it is farther from the mesh left
+  std::vector<uint32_t> triggers;       // triangles of the tile without crumbs
+  std::vector<TileTriangle> triangles;  // that vanished; vertices not of triggers are its own
+  Bytes rows;                           // of their corners, three a triangle
+  uint32_t height = 0;                  // longest path of nodes from its node to the drain
+};
+
 // Where an edge of the surface that errors are measured against runs over a triangle of the mesh,
 // on the way of its path from one end to the other (SurfaceMap).
 struct Chord {
@@ -104,6 +118,7 @@ static_assert(sizeof(Chord) == 20);
 struct TileResult {
   std::vector<uint32_t> vertices;                  // of local vertices: TileTriangle's numbering
   std::vector<uint8_t> fans;                       // likewise: which fan of its vertex it is
+  std::vector<uint8_t> more_fans;                  // likewise: its vertex has fans behind it
   std::vector<uint32_t> first_twins;               // likewise: the fan that stands for the vertex
   std::vector<uint32_t> first_corner;              // likewise: 3 * input triangle + corner
   std::vector<Vec3i> positions;                    // of local vertices

@@ -53,6 +53,7 @@ void TileMesh::NumberVertices(std::span<const TileTriangle> tile) {
   grid_positions_.clear();
   fixed_.clear();
   fans_.clear();
+  more_fans_.clear();
   has_twins_ = false;
   input_corners_.resize(tile.size());
   for (uint32_t t = 0; t < tile.size(); ++t) {
@@ -66,6 +67,7 @@ void TileMesh::NumberVertices(std::span<const TileTriangle> tile) {
         grid_positions_.push_back(tile[t].positions[c]);
         fixed_.push_back(0);
         fans_.push_back(static_cast<uint8_t>(tile[t].fan(c)));
+        more_fans_.push_back(tile[t].more_fans(c));
       }
       input_corners_[t][c] = number;
       fixed_[number] |= static_cast<uint8_t>(tile[t].fixed(c));
@@ -352,6 +354,7 @@ void TileMesh::CopyTo(TileResult& result) const {
   }
   result.fixed = fixed_;
   result.fans = fans_;
+  result.more_fans = more_fans_;
   result.first_twins.reserve(vertices());
   for (const Place& place : places_) result.first_twins.push_back(place.first_twin);
   result.holes = holes_;

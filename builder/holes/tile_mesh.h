@@ -111,7 +111,7 @@ class TileMesh {
   std::vector<uint32_t> vertices_;      // the input's numbering
   std::vector<uint32_t> first_corner_;  // 3 * input triangle + corner
   std::vector<Vec3i> grid_positions_;
-  std::vector<uint8_t> fixed_, fans_;
+  std::vector<uint8_t> fixed_, fans_, more_fans_;
   bool has_twins_ = false;
   std::vector<uint32_t> ring_mark_;
   // Of removals.

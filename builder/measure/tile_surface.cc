@@ -56,7 +56,7 @@ class Gathering {
     for (const uint32_t t : triangles) {
       const uint32_t slot = tile[t].child_slot;
       in_tile[slot] = t;
-      all_.own[t] = 0;
+      all_.own[t] = surface.own[slot];
       all_.edge_errors[t] = surface.edge_errors[slot];
     }
     // What lies around the vertices that the tile has or holds.

@@ -34,6 +34,8 @@ void AddRound(const RoundResult& round, ObjectRecord& record) {
   record.error_code_max = std::max(record.error_code_max, round.report.error_code_max);
   record.depth = std::max(record.depth, round.depth);
   record.max_degree = std::max(record.max_degree, round.max_degree);
+  record.components += round.vanished.components;
+  record.boundary_loops += round.vanished.border_loops;
   record.rounds.push_back(round.report);
 }
 
@@ -54,7 +56,7 @@ Result<RoundsResult> RunRounds(const RoundTools& tools, IntakeResult intake) {
   double done = kReadShare + kJoinShare;
   for (uint32_t round = 1; round <= kMaxRounds; ++round) {
     const uint64_t before = triangles->count();
-    const uint64_t vertices = record.vertices - record.nodes;
+    const uint64_t vertices = record.vertices - std::min(record.vertices, record.nodes);
     // All rounds together take about reduction / (reduction - 1) times the first.
     const double share = std::min(
         kRoundsEnd - done, (kRoundsEnd - kReadShare - kJoinShare) * static_cast<double>(before) /
@@ -121,9 +123,8 @@ void AddRoot(const RootTopology& root, ObjectRecord& record) {
   record.root_pieces = root.pieces;
   record.root_vertices = root.vertices;
   record.root_triangles = root.triangles;
-  record.components = root.components;
-  record.boundary_loops = root.border_loops;
-  record.euler_characteristic = root.euler_characteristic;
+  record.components += root.components;
+  record.boundary_loops += root.border_loops;
 }
 
 ObjectUp UpOf(const BuildContext& build, const Grid& grid) {
@@ -159,7 +160,8 @@ Result<ObjectRecord> Build(const DecimatorFactory& make_decimator, const MeshPro
   }
   std::vector<std::unique_ptr<TileDecimator>> decimators(intake.plan.threads);
   for (auto& decimator : decimators) decimator = make_decimator();
-  const TileSetting setting{intake.record.grid, intake.record.attributes, intake.border};
+  const TileSetting setting{intake.record.grid, intake.record.attributes, intake.border,
+                            IsTerrain(options)};
   const RoundTools tools{build,      intake.plan, setting,      intake.curves,
                          decimators, writer,      journal.get()};
   Result<ObjectRecord> published = WriteObject(tools, std::move(intake));

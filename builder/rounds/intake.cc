@@ -10,11 +10,11 @@
 #include <vector>
 
 #include "builder/disk/ordered_pipeline.h"
-#include "builder/surface/corner_join.h"
 #include "builder/intake/grid_choice.h"
-#include "builder/surface/height_field.h"
 #include "builder/intake/input_spool.h"
 #include "builder/intake/read_mesh.h"
+#include "builder/surface/corner_join.h"
+#include "builder/surface/height_field.h"
 #include "store/base/bytes.h"
 #include "store/base/hash.h"
 #include "store/base/surface_digest.h"
@@ -224,6 +224,9 @@ ObjectRecord RecordOf(const BuildOptions& options, const ReadResult& read, const
   record.vertices = totals.vertices;
   record.triangles = totals.triangles;
   record.boundary_edges = totals.boundary_edges;
+  record.euler_characteristic = static_cast<int64_t>(totals.vertices) -
+                                static_cast<int64_t>(totals.edges) +
+                                static_cast<int64_t>(totals.triangles - totals.two_sided_triangles);
   record.surface_digest = joined.digest.surface_digest();
   record.border_digest = joined.digest.border_digest();
   return record;

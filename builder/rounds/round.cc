@@ -47,7 +47,7 @@ Result<Tile> NextTile(const RoundTools& tools, const RoundInput& input, bool alo
 }
 
 Status Work(const SurfaceWindow& surfaces, TileDecimator& decimator, Tile& tile) {
-  MTDB_ASSIGN_OR_RETURN(tile.job.beneath, surfaces.Beneath(tile.job.tile.triangles));
+  MTDB_RETURN_IF_ERROR(PrepareTile(surfaces, tile.job));
   tile.outcome = DoTile(tile.job, decimator);
   tile.job = {};
   return Status::Ok();
@@ -62,6 +62,8 @@ Status Append(const RoundTools& tools, Tile& tile, RoundResult& result) {
   report.stuck_topology += outcome.stuck_topology;
   report.stuck_degree += outcome.stuck_degree;
   result.seam_vertices += outcome.seam_vertices;
+  result.vanished.components += outcome.vanished_components;
+  result.vanished.border_loops += outcome.vanished_border_loops;
   uint32_t own = kNone32;
   if (!cluster.empty) {
     MTDB_ASSIGN_OR_RETURN(

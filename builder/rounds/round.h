@@ -44,7 +44,8 @@ struct RoundInput {
 
 struct RoundResult {
   RoundReport report;
-  uint64_t seam_vertices = 0;                 // that only seams locked
+  uint64_t seam_vertices = 0;  // that only seams locked
+  CrumbCounts vanished;
   uint32_t depth = 0;                         // longest path of nodes from one of it to the drain
   uint32_t max_degree = 0;                    // of its nodes
   std::unique_ptr<TriangleSorter> triangles;  // that it leaves

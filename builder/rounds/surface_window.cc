@@ -30,6 +30,8 @@ Result<SurfaceBeneath> SurfaceWindow::Beneath(std::span<const TileTriangle> tile
   return beneath;
 }
 
+SurfaceBeneath SurfaceWindow::Afresh() const { return {{}, IsLast(round()) ? 0 : round()}; }
+
 void SurfaceWindow::End(std::unique_ptr<SurfaceSpool> left) {
   left_by_.push_back(std::move(left));
   if (IsLast(left_by_.front()->round())) left_by_.erase(left_by_.begin());

@@ -32,6 +32,8 @@ class SurfaceWindow {
   void End(std::unique_ptr<SurfaceSpool> left);
 
   Result<SurfaceBeneath> Beneath(std::span<const TileTriangle> tile) const;
+  // Of a tile that is measured against itself.
+  SurfaceBeneath Afresh() const;
 
  private:
   uint32_t round() const { return static_cast<uint32_t>(triangles_in_.size()); }

@@ -4,7 +4,9 @@
 
 #include <cstdint>
 #include <optional>
+#include <vector>
 
+#include "builder/decimate/crumbs.h"
 #include "builder/decimate/decimator.h"
 #include "builder/disk/tile.h"
 #include "builder/measure/filling_measure.h"
@@ -12,6 +14,7 @@
 #include "builder/write/tile_cluster.h"
 #include "store/base/attributes.h"
 #include "store/base/grid.h"
+#include "store/base/status.h"
 
 namespace mtdb::internal {
 
@@ -20,6 +23,7 @@ struct TileSetting {
   Grid grid;
   AttributeLayout attributes;
   std::optional<BorderPlane> border;  // none: borders keep their shape
+  bool is_height_field = false;
 };
 
 // Numbers and bytes only: the outcome depends on them and on the kind of the decimator, so that the
@@ -29,9 +33,14 @@ struct TileJob {
   uint32_t round = 1;
   uint64_t hilbert = 0;  // code of the first triangle on the round's curve
   TriangleBlock tile;
+  std::vector<Crumb> crumbs;  // that have vanished from the tile
+  CrumbCounts vanished;
   SurfaceBeneath beneath;
   RemovalLimits limits;
 };
+
+// Takes crumbs out of the job's tile, and finds the surface beneath it.
+Status PrepareTile(const SurfaceWindow& surfaces, TileJob& job);
 
 // `decimator` keeps nothing from one job to the next but its memory.
 TileOutcome DoTile(const TileJob& job, TileDecimator& decimator);

@@ -21,8 +21,9 @@ constexpr uint16_t kOrderMask = 15;
 constexpr uint16_t kFixed = 16;     // v is a node of the graph of creases, or not one fan
 constexpr uint16_t kDropped = 32;   // the triangle repeats an earlier one, or is its opposite
 constexpr uint16_t kTwoSided = 64;  // a later one is its opposite
-constexpr uint16_t kChain = 128;    // v has a number for each fan; this one's in the bits above
+constexpr uint16_t kFans = 128;     // v has a number for each fan; this one's in four bits above
 constexpr int kFanShift = 8;
+constexpr uint16_t kMoreFans = 1 << 12;  // it is not the last one
 // Memory that a range takes per corner: the corner, its place in the vertex's list, its answer.
 constexpr size_t kCornerMemory = sizeof(Corner) + sizeof(uint32_t) + sizeof(uint16_t);
 // And per vertex, beside its row: position, displacement, list, first number of its fans.
@@ -155,10 +156,11 @@ class Link {
   struct Counts {
     uint64_t duplicates = 0;
     uint64_t two_sided = 0;
+    uint64_t edges = 0;              // to a larger vertex
     uint64_t border_edges = 0;       // running away from the vertex
     uint64_t nonmanifold_edges = 0;  // to a larger vertex
     bool stays = false;              // whatever the error
-    uint32_t fans = 0;               // of a vertex on a chain of creases of this order, more than 1
+    uint32_t fans = 0;               // 2 .. kMostOrder, when it has so many
   };
   // `places` index `corners` in the input's order; sets their `flags`.
   // Appends to `turns` what it finds about two-sided triangles.
@@ -167,11 +169,14 @@ class Link {
     Counts counts;
     edges_.clear();
     for (const uint32_t i : places) edges_.push_back({corners[i].a, corners[i].b, i});
-    if (OneCycle()) return counts;
+    const uint32_t v = corners[places[0]].vertex;
+    if (OneCycle()) {
+      for (const Edge& e : edges_) counts.edges += v < e.a;
+      return counts;
+    }
     std::sort(edges_.begin(), edges_.end(), [](const Edge& x, const Edge& y) {
       return std::tie(x.a, x.b, x.place) < std::tie(y.a, y.b, y.place);
     });
-    const uint32_t v = corners[places[0]].vertex;
     DropDuplicates(v, flags, counts);
     JoinOpposites(v, flags, counts);
     CountUses();
@@ -179,17 +184,19 @@ class Link {
     bool known = true;  // the orders of all edges
     uint32_t creases = 0;
     for (const Neighbour& n : neighbours_) {
+      counts.edges += v < n.vertex;
       counts.border_edges += n.uses() == 1 && n.out == 1;
       creases += n.order() != 0;
       known &= n.order() <= kMostOrder;
       counts.nonmanifold_edges += n.order() > 1 && v < n.vertex;
     }
     counts.stays = !FindFans(creases) || !known;
-    if (!counts.stays && fans_ > 1) counts.fans = fans_;
+    if (fans_ > 1 && fans_ <= kMostOrder) counts.fans = fans_;
     for (const Edge& e : edges_) {
       uint32_t answer = std::min(At(e.a).order(), kMostOrder);
       if (counts.stays) answer |= kFixed;
-      if (counts.fans > 0) answer |= kChain | e.fan << kFanShift;
+      if (counts.fans > 0) answer |= kFans | e.fan << kFanShift;
+      if (e.fan + 1 < counts.fans) answer |= kMoreFans;
       flags[e.place] = static_cast<uint16_t>(flags[e.place] | answer);
     }
     return counts;
@@ -326,11 +333,11 @@ class Link {
     const uint32_t from = At(e.a).order() != 0 || !e.two_sided ? e.a : e.b;
     return Follow(e, from, fans_++) != from;
   }
-  // Numbers the fans in the input's order. False when the vertex stays: when it has more than one
-  // fan without being on a chain, or is an end of creases.
+  // Numbers the fans, those of many triangles first: what vanishes with time is small. False when
+  // the vertex stays: when it has more than one fan without being on a chain, or is an end of
+  // creases.
   bool FindFans(uint32_t creases) {
     fans_ = 0;
-    first_places_.clear();
     bool chain = creases == 0 || creases == 2;
     for (Edge& e : edges_) {
       if (e.fan != kNone32) continue;
@@ -343,16 +350,22 @@ class Link {
     }
     // Of a chain, each fan runs from one crease to the other.
     chain &= creases == 0 ? fans_ == 1 : fans_ == open && fans_ <= kMostOrder;
-    if (!chain || fans_ == 1) return chain;
-    first_places_.assign(fans_, kNone32);
-    for (const Edge& e : edges_) first_places_[e.fan] = std::min(first_places_[e.fan], e.place);
-    std::vector<uint32_t> sorted = first_places_;
-    std::sort(sorted.begin(), sorted.end());
-    for (Edge& e : edges_) {
-      e.fan = static_cast<uint32_t>(
-          std::lower_bound(sorted.begin(), sorted.end(), first_places_[e.fan]) - sorted.begin());
+    if (fans_ > 1 && fans_ <= kMostOrder) SortFans();
+    return chain;
+  }
+  // Of equal ones the first in the input's order comes first.
+  void SortFans() {
+    sorted_fans_.assign(fans_, {0, kNone32, 0});
+    for (const Edge& e : edges_) {
+      SortedFan& fan = sorted_fans_[e.fan];
+      --fan.minus_size;
+      fan.place = std::min(fan.place, e.place);
+      fan.number = e.fan;
     }
-    return true;
+    std::sort(sorted_fans_.begin(), sorted_fans_.end());
+    std::array<uint32_t, kMostOrder> ranks{};
+    for (uint32_t i = 0; i < fans_; ++i) ranks[sorted_fans_[i].number] = i;
+    for (Edge& e : edges_) e.fan = ranks[e.fan];
   }
 
   enum class End : uint8_t { kIn, kOut, kOfTwoSided };
@@ -362,7 +375,12 @@ class Link {
   std::vector<std::pair<uint32_t, uint32_t>> two_sided_;  // ends, places in edges_; sorted
   std::vector<Neighbour> neighbours_;
   uint32_t fans_ = 0;
-  std::vector<uint32_t> first_places_;  // of fans
+  struct SortedFan {
+    int64_t minus_size = 0;  // how many triangles
+    uint32_t place = kNone32, number = 0;
+    friend auto operator<=>(const SortedFan&, const SortedFan&) = default;
+  };
+  std::vector<SortedFan> sorted_fans_;
 };
 
 class Join {
@@ -419,6 +437,7 @@ class Join {
       totals_.unreferenced_vertices += part.unreferenced_vertices;
       totals_.duplicate_triangles += part.duplicate_triangles;
       totals_.two_sided_triangles += part.two_sided_triangles;
+      totals_.edges += part.edges;
       totals_.boundary_edges += part.boundary_edges;
       totals_.nonmanifold_edges += part.nonmanifold_edges;
       totals_.nonmanifold_vertices += part.nonmanifold_vertices;
@@ -449,8 +468,8 @@ class Join {
     std::vector<uint32_t> begin, places;
     std::vector<uint16_t> flags;
     std::vector<SheetTurn> turns;
-    std::vector<uint32_t> numbers;  // of vertices on chains: of their first fans, in the range
-    uint32_t fans = 0;              // of the range's vertices on chains
+    std::vector<uint32_t> numbers;  // of vertices with fans: of their first ones, in the range
+    uint32_t fans = 0;              // of the range's vertices that have several
   };
   Status Ask() {
     SpoolReader reader(&input_.triangle_spool());
@@ -485,6 +504,7 @@ class Join {
                          w.corners.data(), w.flags.data(), w.turns);
       w.totals.two_sided_triangles += counts.two_sided;
       w.totals.duplicate_triangles += counts.duplicates;
+      w.totals.edges += counts.edges;
       w.totals.boundary_edges += counts.border_edges;
       w.totals.nonmanifold_edges += counts.nonmanifold_edges;
       w.totals.nonmanifold_vertices += counts.stays;
@@ -553,7 +573,7 @@ class Join {
     return answers_[r].Finish();
   }
 
-  // The fans of vertices on chains have the numbers behind the input's, range by range.
+  // The fans of vertices with several have the numbers behind the input's, range by range.
   Status NumberFans() {
     uint64_t next = input_.vertices();
     for (uint64_t& fans : first_fans_) next += std::exchange(fans, next);
@@ -595,10 +615,11 @@ class Join {
         triangle.positions[c] = answer.position;
         triangle.set_order(c, answer.flags & kOrderMask);
         triangle.set_fixed(c, (answer.flags & kFixed) != 0);
-        if (answer.flags & kChain) {
-          const uint32_t fan = answer.flags >> kFanShift;
+        if (answer.flags & kFans) {
+          const uint32_t fan = answer.flags >> kFanShift & kMostOrder;
           triangle.vertices[c] = static_cast<uint32_t>(first_fans_[range] + answer.number + fan);
           triangle.set_fan(c, fan);
+          triangle.set_more_fans(c, (answer.flags & kMoreFans) != 0);
         }
         out.rows.insert(out.rows.end(), answer.row, answer.row + row);
       }
@@ -628,6 +649,7 @@ class Join {
       triangle.vertices[c] = old.vertices[kCorners[c]];
       triangle.positions[c] = old.positions[kCorners[c]];
       triangle.set_fan(c, old.fan(kCorners[c]));
+      triangle.set_more_fans(c, old.more_fans(kCorners[c]));
       triangle.set_fixed(c, old.fixed(kCorners[c]));
       triangle.set_order(c, old.order(kEdges[c]));
     }
@@ -645,7 +667,7 @@ class Join {
   unsigned workers_ = 1;              // ranges at work at a time
   std::vector<Questions> questions_;  // per range
   std::vector<Spool> answers_;        // per range, by AnswerPacking
-  // Per range: how many fans its vertices on chains have; then the number of the first one.
+  // Per range: how many fans its vertices with several have; then the number of the first one.
   std::vector<uint64_t> first_fans_;
 };
 

@@ -17,6 +17,7 @@ struct JoinTotals {
   uint64_t vertices = 0;             // referenced by a kept triangle
   uint64_t triangles = 0;            // kept; those that are two-sided count twice
   uint64_t two_sided_triangles = 0;  // pairs of opposite ones
+  uint64_t edges = 0;
   uint64_t boundary_edges = 0;
   uint64_t unreferenced_vertices = 0;
   uint64_t duplicate_triangles = 0;
@@ -42,7 +43,8 @@ struct JoinOptions {
 //   two-sided, and counts once from then on. An edge of two such triangles and of no others is no
 //   crease, however these two run;
 // - a path of link edges between creases is a fan. A vertex with two creases that all its fans join
-//   is on a chain; it stays when it has other creases, or several fans;
+//   is on a chain; it stays when it has other creases, or several fans. Fans are numbered, those of
+//   many triangles first, when a vertex has 2 .. kMostOrder;
 // - a link edge that repeats is a duplicate triangle: the first in the input's order stays.
 // The last pass over the triangles meets the answers in the order of the questions. It turns
 // two-sided triangles over that do not run as their neighbours do (sheet_orientation.h).

@@ -62,6 +62,7 @@ RemovalLimits RoundLevel::Limits(size_t tile_triangles, bool alone) const {
   RemovalLimits limits;
   limits.largest_error = largest_error_;
   limits.degree_limit = degree_limit_;
+  limits.crumb_error = error_;
   if (alone) {
     limits.target_triangles = static_cast<uint32_t>(triangles / reduction_);
   } else {

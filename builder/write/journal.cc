@@ -26,7 +26,7 @@ namespace {
 // The header: magic, the mark, u64 checksum of what follows, the key, u32 length of the note, the
 // note. The magic's number changes with the records, and with what the builder or the codecs make
 // of a tile.
-constexpr char kMagic[16] = "mtdb journal 12";
+constexpr char kMagic[16] = "mtdb journal 13";
 // The mark: zeros, or the object's digest, hash of its name, hash of these and the checksum.
 constexpr size_t kMarkBytes = 32;
 constexpr size_t kFixedHeaderBytes = sizeof(kMagic) + kMarkBytes + 8 + 16 + 4;
@@ -78,7 +78,8 @@ void PutOutcome(const TileOutcome& o, ByteWriter& w) {
   w.Put(c.entry.error_code_min);
   w.Put(c.entry.error_code_max);
   w.Put<uint8_t>(c.entry.explicit_arcs);
-  for (const uint64_t n : {o.locked_vertices, o.seam_vertices, o.stuck_topology, o.stuck_degree}) {
+  for (const uint64_t n : {o.locked_vertices, o.seam_vertices, o.stuck_topology, o.stuck_degree,
+                           o.vanished_components, o.vanished_border_loops}) {
     w.PutVarint(n);
   }
   w.PutVarint(c.encoded.children.size());
@@ -111,8 +112,8 @@ bool GetOutcome(ByteSpan bytes, TileOutcome* o) {
   c.entry.error_code_min = r.Get<uint8_t>();
   c.entry.error_code_max = r.Get<uint8_t>();
   c.entry.explicit_arcs = r.Get<uint8_t>() != 0;
-  for (uint64_t* n :
-       {&o->locked_vertices, &o->seam_vertices, &o->stuck_topology, &o->stuck_degree}) {
+  for (uint64_t* n : {&o->locked_vertices, &o->seam_vertices, &o->stuck_topology, &o->stuck_degree,
+                      &o->vanished_components, &o->vanished_border_loops}) {
     *n = r.GetVarint();
   }
   const uint64_t children = r.GetVarint();

@@ -82,7 +82,6 @@ Status RootWriter::AddPiece(const std::vector<TileTriangle>& triangles, const By
   const Result<UnitId> id = writer_.Add(entry, piece.children, EncodeRootPiece(piece, attributes_));
   if (!id.ok()) return id.status();
   topology_.triangles += sides;
-  faces_ += triangles.size();
   ++topology_.pieces;
   return Status::Ok();
 }
@@ -102,10 +101,6 @@ RootTopology RootWriter::Finish() {
   }
   for (uint32_t v = 0; v < vertices; ++v)
     topology_.border_loops += at_border[v] && joined_.Find(v) == v;
-  std::sort(edges_.begin(), edges_.end());
-  const auto edges = std::unique(edges_.begin(), edges_.end()) - edges_.begin();
-  topology_.euler_characteristic =
-      static_cast<int64_t>(vertices) - edges + static_cast<int64_t>(faces_);
   return topology_;
 }
 

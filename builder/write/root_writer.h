@@ -22,7 +22,6 @@ struct RootTopology {
   uint64_t triangles = 0;
   uint64_t components = 0;    // connected by vertices
   uint64_t border_loops = 0;  // connected pieces of the border
-  int64_t euler_characteristic = 0;
   uint32_t pieces = 0;
 };
 
@@ -80,7 +79,6 @@ class RootWriter {
   std::vector<std::pair<uint32_t, uint32_t>> edges_;  // of root vertices, smaller first
   std::vector<bool> on_border_;                       // of each edge
   DisjointSets joined_;                               // of root vertices, by edges
-  uint64_t faces_ = 0;                                // two-sided triangles once
   RootTopology topology_;
 };
 

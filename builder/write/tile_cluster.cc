@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstddef>
 #include <span>
+#include <utility>
 #include <vector>
 
 namespace mtdb::internal {
@@ -41,6 +42,49 @@ ClusterUpdates UpdatesOf(const TriangleBlock& input, const TileResult& result, s
     updates.consumers[t] = {own.child, own.child_slot, own.explicit_arc()};
   }
   return updates;
+}
+
+// A vertex that stands for `seat`; kNone32: none of them does.
+using Places = std::vector<std::pair<uint32_t, uint32_t>>;  // seats, local vertices
+uint32_t Find(const Places& places, uint32_t seat) {
+  const auto at = std::ranges::find(places, seat, &Places::value_type::first);
+  return at == places.end() ? kNone32 : at->second;
+}
+
+// Adds a crumb to `updates`, but for its error. Returns where its vertices and its triggers' are.
+Places AddCrumb(const TriangleBlock& input, const Crumb& crumb, const TileResult& result,
+                size_t row, ClusterUpdates& updates) {
+  ClusterUpdates::Crumb& out = updates.crumbs.emplace_back();
+  out.triggers = crumb.triggers;
+  Places places;
+  for (const uint32_t t : crumb.triggers) {
+    for (uint32_t c = 0; c < 3; ++c) {
+      const uint32_t seat = input.triangles[t].seat(c);
+      const uint32_t vertex = result.first_twins[result.triangles[t][c]];
+      if (Find(places, seat) == kNone32) places.emplace_back(seat, vertex);
+    }
+  }
+  for (size_t i = 0; i < crumb.triangles.size(); ++i) {
+    const TileTriangle& triangle = crumb.triangles[i];
+    out.triangles.push_back(static_cast<uint32_t>(updates.triangles.size()));
+    std::array<uint32_t, 3>& corners = updates.triangles.emplace_back();
+    for (uint32_t c = 0; c < 3; ++c) {
+      corners[c] = Find(places, triangle.seat(c));
+      if (corners[c] != kNone32) continue;
+      corners[c] = static_cast<uint32_t>(updates.positions.size());
+      places.emplace_back(triangle.seat(c), corners[c]);
+      out.vertices.push_back(corners[c]);
+      updates.positions.push_back(triangle.positions[c]);
+      const auto begin = crumb.rows.begin() + static_cast<std::ptrdiff_t>((3 * i + c) * row);
+      updates.rows.insert(updates.rows.end(), begin, begin + static_cast<std::ptrdiff_t>(row));
+    }
+    updates.consumers.push_back({triangle.child, triangle.child_slot, triangle.explicit_arc()});
+    if (triangle.two_sided() || !updates.two_sided.empty()) {
+      updates.two_sided.resize(updates.triangles.size());
+      updates.two_sided.back() = triangle.two_sided();
+    }
+  }
+  return places;
 }
 
 // Work units: below this an error is 0 that was computed from the tile's coordinates in binary64
@@ -95,19 +139,46 @@ void AddNodes(const TileResult& result, const Grid& grid, ClusterUpdates& update
   }
 }
 
+// Likewise of crumbs. The first that vanished is the finest.
+void AddCrumbs(const TriangleBlock& input, std::span<const Crumb> crumbs, const TileResult& result,
+               const Grid& grid, size_t row, ClusterUpdates& updates, TileCluster& cluster) {
+  const double model_units = grid.is_linear() ? grid.step : 1.0;
+  const double noise = ArithmeticNoise(result, grid);
+  UnitEntry& entry = cluster.entry;
+  for (size_t i = crumbs.size(); i-- > 0;) {
+    const Crumb& crumb = crumbs[i];
+    const Places places = AddCrumb(input, crumb, result, row, updates);
+    ClusterUpdates::Crumb& out = updates.crumbs.back();
+    out.error_code = grid.ErrorCode((crumb.error > noise ? crumb.error : 0) * model_units);
+    entry.error_code_min = std::min(entry.error_code_min, out.error_code);
+    entry.error_code_max = std::max(entry.error_code_max, out.error_code);
+    for (const auto& [seat, vertex] : places) entry.bounds.Add(updates.positions[vertex]);
+    const size_t around = places.size() - out.vertices.size();
+    cluster.max_degree = std::max(cluster.max_degree, static_cast<uint32_t>(around));
+    cluster.height = std::max(cluster.height, crumb.height);
+  }
+  if (!updates.two_sided.empty()) updates.two_sided.resize(updates.triangles.size());
+}
+
 // Adds the opposites of two-sided triangles to what the entry counts.
 void CountOtherSides(const ClusterUpdates& updates, const EncodedCluster& encoded,
                      UnitEntry& entry) {
   if (updates.two_sided.empty()) return;
   std::vector<uint8_t> removed(updates.triangles.size());
   for (const uint32_t t : updates.holes) removed[t] = 1;
-  for (const uint32_t t : encoded.in_triangles) entry.in_triangles += updates.two_sided[t];
+  for (const uint32_t t : encoded.in_triangles) {
+    entry.in_triangles += updates.two_sided[t];
+    if (!removed[t]) entry.out_triangles += updates.two_sided[t];
+  }
   for (const uint32_t t : updates.stars) {
     if (!removed[t]) entry.out_triangles += updates.two_sided[t];
   }
+  for (const ClusterUpdates::Crumb& crumb : updates.crumbs) {
+    for (const uint32_t t : crumb.triangles) entry.out_triangles += updates.two_sided[t];
+  }
 }
 
-// Appends the created triangles that stayed, the cluster's in-triangles, to what is left.
+// Appends the cluster's in-triangles to what is left: created ones that stayed, and triggers.
 void LeaveInTriangles(const TriangleBlock& input, const TileResult& result, size_t row,
                       std::span<const uint32_t> heights, TileCluster& cluster) {
   const EncodedCluster& encoded = cluster.encoded;
@@ -122,6 +193,7 @@ void LeaveInTriangles(const TriangleBlock& input, const TileResult& result, size
       out.set_order(c, result.edge_orders[t] >> 4 * from & 15u);
       out.set_fixed(c, result.fixed[v] != 0);
       out.set_fan(c, result.fans[v]);
+      out.set_more_fans(c, result.more_fans[v] != 0);
       AppendRow(input, row, result.first_corner[v], cluster.left.rows);
     }
     out.set_two_sided(IsTwoSided(result.edge_orders[t]));
@@ -134,8 +206,10 @@ void LeaveInTriangles(const TriangleBlock& input, const TileResult& result, size
 }
 
 // Appends what `surface` says of the cluster's in-triangles, and finds their slots by the tile's
-// numbers (kNone32: not one of them). Marks their vertices in `wanted`.
-void AddInTriangles(const TileResult& result, const EncodedCluster& encoded, TileSurface& surface,
+// numbers (kNone32: not one of them). Marks their vertices in `wanted`. `own`: of the tile's, those
+// that are triangles of the surface.
+void AddInTriangles(const TileResult& result, const EncodedCluster& encoded,
+                    std::span<const uint8_t> own, TileSurface& surface,
                     std::vector<uint32_t>& slots, std::vector<uint8_t>& wanted) {
   slots.assign(result.triangles.size(), kNone32);
   for (uint32_t slot = 0; slot < encoded.in_triangles.size(); ++slot) {
@@ -143,7 +217,7 @@ void AddInTriangles(const TileResult& result, const EncodedCluster& encoded, Til
     const uint32_t turn = encoded.in_rotations[slot];
     slots[t] = slot;
     for (const uint32_t v : result.triangles[t]) wanted[v] = 1;
-    surface.own.push_back(0);
+    surface.own.push_back(t < own.size() && own[t] != 0);
     auto& errors = surface.edge_errors.emplace_back();
     for (uint32_t c = 0; c < 3; ++c) errors[c] = result.edge_errors[3 * t + (c + turn) % 3];
   }
@@ -205,7 +279,9 @@ TileSurface LeftSurface(const TriangleBlock& input, const TileResult& result,
   };
   std::vector<uint8_t> wanted(numbers.size());
   std::vector<uint32_t> slots;
-  AddInTriangles(result, encoded, surface, slots, wanted);
+  const std::vector<uint8_t> own =
+      beneath == nullptr ? std::vector<uint8_t>(input.triangles.size(), 1) : beneath->own;
+  AddInTriangles(result, encoded, own, surface, slots, wanted);
   AddWhatTheyStandFor(result, encoded, slots, place_of, surface, wanted);
   const auto add = [&](uint32_t a, uint32_t b, uint32_t c, float error) {
     if (!wanted[a] && !wanted[b] && !wanted[c]) return;
@@ -213,7 +289,7 @@ TileSurface LeftSurface(const TriangleBlock& input, const TileResult& result,
     surface.errors.push_back(error);
   };
   for (uint32_t t = 0; t < input.triangles.size(); ++t) {
-    if (result.alive[t] || (beneath != nullptr && !beneath->own[t])) continue;
+    if (result.alive[t] || !own[t]) continue;
     const auto [a, b, c] = result.triangles[t];
     add(a, b, c, input.triangles[t].error);
   }
@@ -227,23 +303,25 @@ TileSurface LeftSurface(const TriangleBlock& input, const TileResult& result,
 
 }  // namespace
 
-TileCluster MakeTileCluster(const TriangleBlock& input, const TileResult& result, const Grid& grid,
+TileCluster MakeTileCluster(const TriangleBlock& input, std::span<const Crumb> crumbs,
+                            const TileResult& result, const Grid& grid,
                             const AttributeLayout& attributes, const MeasuredAgainst& against) {
   TileCluster cluster;
   const std::vector<TileTriangle>& tile = input.triangles;
   const size_t row = attributes.row_bytes();
   std::vector<uint32_t> heights;
-  if (!result.removals.empty()) {
+  if (!result.removals.empty() || !crumbs.empty()) {
     cluster.empty = false;
     ClusterUpdates updates = UpdatesOf(input, result, row);
     updates.is_height_field = grid.mode == PositionMode::kRaster;
     heights.reserve(result.triangles.size());
     for (const TileTriangle& t : tile) heights.push_back(t.height);
     AddNodes(result, grid, updates, heights, cluster);
+    AddCrumbs(input, crumbs, result, grid, row, updates, cluster);
     cluster.encoded = EncodeCluster(updates, attributes);
     Bytes().swap(updates.rows);  // a tile's rows are much of what a build keeps in memory
     UnitEntry& entry = cluster.entry;
-    entry.nodes = static_cast<uint32_t>(updates.nodes.size());
+    entry.nodes = cluster.encoded.nodes;
     entry.in_triangles = static_cast<uint32_t>(cluster.encoded.in_triangles.size());
     entry.out_triangles = cluster.encoded.out_triangles;
     CountOtherSides(updates, cluster.encoded, entry);
@@ -253,14 +331,18 @@ TileCluster MakeTileCluster(const TriangleBlock& input, const TileResult& result
       cluster.surface = EncodeTileSurface(LeftSurface(input, result, cluster.encoded, against));
     }
   }
-  const auto kept = static_cast<size_t>(
-      std::count(result.alive.begin(), result.alive.begin() + tile.size(), uint8_t{1}));
-  const size_t left = cluster.encoded.in_triangles.size() + kept;
+  std::vector<uint8_t> kept(result.alive.begin(),
+                            result.alive.begin() + static_cast<std::ptrdiff_t>(tile.size()));
+  for (const uint32_t t : cluster.encoded.in_triangles) {
+    if (t < tile.size()) kept[t] = 0;
+  }
+  const auto kept_count = static_cast<size_t>(std::ranges::count(kept, uint8_t{1}));
+  const size_t left = cluster.encoded.in_triangles.size() + kept_count;
   cluster.left.triangles.reserve(left);
   cluster.left.rows.reserve(3 * row * left);
   LeaveInTriangles(input, result, row, heights, cluster);
   for (uint32_t t = 0; t < tile.size(); ++t) {
-    if (!result.alive[t]) continue;
+    if (!kept[t]) continue;
     cluster.left.triangles.push_back(tile[t]);
     for (uint32_t c = 0; c < 3; ++c) AppendRow(input, row, 3 * t + c, cluster.left.rows);
   }

@@ -2,6 +2,8 @@
 // TileCluster: from a decimated tile to a compressed cluster and the next round's triangles.
 #pragma once
 
+#include <span>
+
 #include "builder/disk/tile.h"
 #include "builder/measure/tile_surface.h"
 #include "codecs/cluster/cluster_codec.h"
@@ -31,6 +33,8 @@ struct TileOutcome {
   uint64_t seam_vertices = 0;  // of these, those that only the tile's seam locks
   uint64_t stuck_topology = 0;
   uint64_t stuck_degree = 0;
+  uint64_t vanished_components = 0;
+  uint64_t vanished_border_loops = 0;
 };
 
 // The surface that a tile was measured against.
@@ -39,7 +43,9 @@ struct MeasuredAgainst {
   const TileSurface* surface = nullptr;  // null: the tile itself
 };
 
-TileCluster MakeTileCluster(const TriangleBlock& input, const TileResult& result, const Grid& grid,
+// `crumbs`: that vanished from the input before it was simplified, one after the other.
+TileCluster MakeTileCluster(const TriangleBlock& input, std::span<const Crumb> crumbs,
+                            const TileResult& result, const Grid& grid,
                             const AttributeLayout& attributes, const MeasuredAgainst& against);
 
 }  // namespace mtdb::internal

@@ -79,6 +79,10 @@ class SideShower {
     shown_.star_begin.push_back(next_);
     size_t later = 0;
     for (NodeIndex node = 0; node < told_.nodes(); ++node) {
+      if (told_.crumb(node)) {
+        ShowCrumb(node);
+        continue;
+      }
       const bool open = told_.boundary(node);
       shown_.fans.push_back(!open ? 0 : told_.fans.empty() ? 1 : told_.fans[node]);
       ForEachFan(node, later, [&](IndexRange star, uint32_t, uint32_t) {
@@ -89,6 +93,16 @@ class SideShower {
       });
       shown_.star_begin.push_back(next_);
     }
+  }
+  // Each triangle with its other side behind it.
+  void ShowCrumb(NodeIndex node) {
+    for (const uint32_t slot : told_.shape(node).created) {
+      const auto [a, b, c] = told_.created_triangle(node, slot);
+      slots_[slot] = ShowStar({a, b, c});
+      if (told_.in.two_sided[slot]) other_slots_[slot] = ShowStar({a, c, b});
+    }
+    shown_.fans.push_back(told_.fans[node]);
+    shown_.star_begin.push_back(next_);
   }
   // The ring the other way round. Where it is closed, the triangle that closes it stays the last.
   void ShowOtherSide(NodeIndex node, IndexRange star, bool open) {
@@ -110,6 +124,14 @@ class SideShower {
     std::vector<uint32_t>& slots = shown_.hole_slots;
     size_t later = 0;
     for (NodeIndex node = 0; node < told_.nodes(); ++node) {
+      if (told_.crumb(node)) {
+        for (const uint32_t slot : told_.hole(node)) {
+          slots.push_back(slots_[slot]);
+          if (told_.in.two_sided[slot]) slots.push_back(other_slots_[slot]);
+        }
+        shown_.hole_begin.push_back(static_cast<uint32_t>(slots.size()));
+        continue;
+      }
       ForEachFan(node, later, [&](IndexRange, uint32_t first, uint32_t count) {
         const std::span<const uint32_t> hole = told_.hole(node).subspan(first, count);
         for (const uint32_t slot : hole) slots.push_back(slots_[slot]);

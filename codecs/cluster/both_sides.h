@@ -14,7 +14,8 @@ namespace mtdb {
 //
 // The sides of a listed triangle follow each other. A node has its fans one after the other, as
 // before, and behind each that is two-sided its other side: the same ring, the other way round. So
-// does its hole. Returns per slot that of the other side, kNone32 where there is none.
+// does its hole. In the star of a crumb's node the sides of a triangle follow each other. Returns
+// per slot that of the other side, kNone32 where there is none.
 std::vector<uint32_t> ShowBothSides(Cluster& cluster);
 
 }  // namespace mtdb

@@ -90,9 +90,15 @@ struct IndexRange {
   uint32_t size() const { return last - first; }
 };
 
+// Of nodes that bring a crumb (codecs/FORMAT.md), in Cluster::fans. Such a node has a number for
+// each vertex of the crumb, one behind the other; the first one has all triangles, the others none.
+// One without vertices has a number, too, whose vertex is a copy of another one and in no triangle.
+inline constexpr uint8_t kCrumb = 255;
+inline constexpr uint8_t kCrumbWithoutVertex = 254;
+
 // What a node does to the mesh: it removes some triangles and creates others with the same border,
-// among the vertices around and new ones. All nodes that the codec writes insert one vertex with a
-// star of triangles around it; who asks for the shape need not know that.
+// among the vertices around and new ones. Nearly all nodes that the codec writes insert one vertex
+// with a star of triangles around it; who asks for the shape need not know that.
 struct NodeShape {
   std::span<const uint32_t> removed;  // slots
   IndexRange created;                 // slots
@@ -128,7 +134,8 @@ struct Cluster {
   std::vector<uint32_t> vertex_begin;  // nodes + 1; local vertices
   // Of slots listed() + 0, 1, ...; empty when each node's star is one around its ring.
   std::vector<std::array<uint32_t, 3>> created_corners;
-  // Per node: how many open fans its star is; 0 for a closed one. Empty when none has several.
+  // Per node: how many open fans its star is; 0 for a closed one; kCrumb, kCrumbWithoutVertex.
+  // Empty when none has several, or brings a crumb.
   std::vector<uint8_t> fans;
   std::vector<uint32_t> later_fans;  // the slots at which second and later fans begin, ascending
 
@@ -149,6 +156,8 @@ struct Cluster {
     if (!fans.empty()) return fans[i] != 0;
     return star_begin[i + 1] - star_begin[i] + 1 == ring_begin[i + 1] - ring_begin[i];
   }
+  // True when it brings a crumb, or is a further number of such a node.
+  bool crumb(NodeIndex i) const { return !fans.empty() && fans[i] >= kCrumbWithoutVertex; }
   std::span<const uint32_t> ring(NodeIndex i) const {
     return std::span(ring_vertices).subspan(ring_begin[i], ring_begin[i + 1] - ring_begin[i]);
   }

@@ -7,6 +7,7 @@
 
 #include "codecs/cluster/cluster_limits.h"
 #include "codecs/cluster/internal/cluster_payload.h"
+#include "codecs/cluster/internal/crumbs.h"
 #include "codecs/cluster/internal/explicit_arcs.h"
 #include "codecs/cluster/internal/lattice.h"
 #include "codecs/cluster/internal/streams.h"
@@ -109,7 +110,7 @@ Status ClusterDecoder::DecodeHead(ByteReader head, uint32_t node_limit, size_t p
     return Corrupted("head: reference length " + std::to_string(reference_length_) +
                      ", but the greatest is " + std::to_string(kMaxExponent));
   }
-  if (node_count == 0 || node_count > node_limit) {
+  if (node_count > node_limit) {
     return Corrupted("head: " + std::to_string(node_count) + " nodes, but the index says " +
                      std::to_string(node_limit));
   }
@@ -407,7 +408,7 @@ Status ClusterDecoder::DecodeArcs(const StreamReader& streams) {
   if (children > 0) {
     const std::span<uint32_t> removers = patch_->removers();
     const bool listed = models_.arcs.Code(
-        arcs.lane(), *patch_, cluster_.in_triangles(), children, [](uint32_t) { return 0u; },
+        arcs.lane(), *patch_, children, [](uint32_t) { return 0u; },
         [&](uint32_t s, uint32_t arc) {
           if (arc != children) removers[s] = kChildFlag | arc;
           return !arcs.overrun();
@@ -486,9 +487,6 @@ Result<Cluster> ClusterDecoder::Decode(ByteSpan payload, InPatch in, uint32_t no
   if (!vertex_stream_.Done()) return Corrupted("vertices: do not end where they should");
   if (!bits_.Done()) return Corrupted("bits: do not end where they should");
   if (!attribute_stream_.Done()) return Corrupted("attributes: do not end where they should");
-  for (uint32_t s = 0; s < c.in_triangles(); ++s) {
-    if (patch_->remover(s) == kNone32) return Corrupted("in-triangle that no node removes");
-  }
   if (has_fans()) {
     c.created_corners.reserve(patch_->slots() - c.listed());
     for (uint32_t s = c.listed(); s < patch_->slots(); ++s) {
@@ -497,6 +495,15 @@ Result<Cluster> ClusterDecoder::Decode(ByteSpan payload, InPatch in, uint32_t no
   }
   MTDB_RETURN_IF_ERROR(DecodeArcs(streams));
   if (!c.in.two_sided.empty()) InheritSides();
+  if (!streams.bytes(StreamTag::kCrumbs).empty()) {
+    if (flat()) return Corrupted("a height field with crumbs");
+    MTDB_RETURN_IF_ERROR(DecodeCrumbs(streams, row, node_limit, where_, &c));
+  }
+  if (c.nodes() == 0) return Corrupted("head: no nodes");
+  const std::span<const uint32_t> incoming = std::span(c.removers).first(c.in_triangles());
+  if (!std::ranges::all_of(incoming, RemovedByNode)) {
+    return Corrupted("in-triangle that no node removes");
+  }
   return std::move(cluster_);
 }
 

@@ -38,6 +38,14 @@ struct ClusterUpdates {
     // True when the vertex splits an edge of its holes: one triangle more in each instead of two.
     bool boundary() const { return fans > 1 || star_count == hole_count + 1; }
   };
+  // A small part of the surface that comes as a whole: a node that takes triangles away, its
+  // triggers, and puts them back with the part.
+  struct Crumb {
+    uint8_t error_code = 0;
+    std::vector<uint32_t> triggers;   // 1 .. kMostCrumbTriggers
+    std::vector<uint32_t> triangles;  // 1 .. kMostCrumbTriangles; among its vertices and theirs
+    std::vector<uint32_t> vertices;   // local: its own
+  };
   // Of a terrain: shapes are seen along z, and errors are heights.
   bool is_height_field = false;
   std::vector<Vec3i> positions;  // of local vertices
@@ -46,8 +54,11 @@ struct ClusterUpdates {
   std::vector<Consumer> consumers;  // per triangle; read for out-triangles only
   std::vector<uint8_t> two_sided;   // per triangle; empty: none is
   std::vector<Node> nodes;          // in any order
-  std::vector<uint32_t> holes;      // triangles
-  std::vector<uint32_t> stars;      // triangles
+  // Each behind those that have one of its triggers, too: what a consumer says of that is of the
+  // triangle that the last one puts back.
+  std::vector<Crumb> crumbs;
+  std::vector<uint32_t> holes;  // triangles
+  std::vector<uint32_t> stars;  // triangles
 
   // Of nodes[i]: the triangles that it removes and those that it creates.
   std::span<const uint32_t> hole(size_t i) const {
@@ -61,7 +72,8 @@ struct ClusterUpdates {
 struct EncodedCluster {
   Bytes payload;
   std::vector<UnitId> children;      // ascending
-  std::vector<uint32_t> node_order;  // stored node -> ClusterUpdates::nodes
+  std::vector<uint32_t> node_order;  // stored node -> ClusterUpdates::nodes; crumbs follow
+  uint32_t nodes = 0;                // as the index counts them: crumbs by their vertices
   // Stored in-triangle -> ClusterUpdates::triangles, and which of its corners comes first.
   std::vector<uint32_t> in_triangles;
   std::vector<uint8_t> in_rotations;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
 #include <array>
+#include <numeric>
 #include <optional>
 #include <span>
 #include <utility>
@@ -8,6 +9,7 @@
 
 #include "codecs/cluster/cluster_codec.h"
 #include "codecs/cluster/internal/cluster_payload.h"
+#include "codecs/cluster/internal/crumbs.h"
 #include "codecs/cluster/internal/explicit_arcs.h"
 #include "codecs/cluster/internal/lattice.h"
 #include "codecs/cluster/internal/streams.h"
@@ -66,9 +68,11 @@ bool ErrorsBoundHeights(const std::vector<VertexResidual>& residuals,
   return within * 10 >= residuals.size() * 9;
 }
 
-// Which node removes and which one creates each triangle of the updates; kNone32: none of them.
+// Which node removes and which one creates each triangle of the updates; kNone32: none of them, or
+// a crumb.
 struct Owners {
   std::vector<uint32_t> removers, creators;
+  std::vector<uint8_t> triggers;  // of some crumb
 };
 
 Owners FindOwners(const ClusterUpdates& updates) {
@@ -78,6 +82,10 @@ Owners FindOwners(const ClusterUpdates& updates) {
   for (uint32_t i = 0; i < updates.nodes.size(); ++i) {
     for (const uint32_t t : updates.hole(i)) owners.removers[t] = i;
     for (const uint32_t t : updates.star(i)) owners.creators[t] = i;
+  }
+  owners.triggers.resize(updates.triangles.size());
+  for (const ClusterUpdates::Crumb& crumb : updates.crumbs) {
+    for (const uint32_t t : crumb.triggers) owners.triggers[t] = 1;
   }
   return owners;
 }
@@ -108,7 +116,8 @@ InPatch OrderInTriangles(const ClusterUpdates& updates, const Owners& owners,
   std::vector<std::array<uint32_t, 3>> in;
   std::vector<uint32_t> numbers;  // in `updates`
   for (uint32_t t = 0; t < updates.triangles.size(); ++t) {
-    if (owners.removers[t] == kNone32 || owners.creators[t] != kNone32) continue;
+    if (owners.creators[t] != kNone32) continue;
+    if (owners.removers[t] == kNone32 && !owners.triggers[t]) continue;
     in.push_back(updates.triangles[t]);
     numbers.push_back(t);
   }
@@ -161,6 +170,8 @@ class Replay {
   // `in_triangles`: slot by slot. Returns false when the lattice does not tell the holes, as with
   // updates that were not made by the Delaunay rule.
   bool Run(std::span<const uint32_t> in_triangles);
+
+  uint32_t stored_vertex(uint32_t vertex) const { return stored_vertex_[vertex]; }
 
   std::vector<uint32_t> node_order;     // stored node -> ClusterUpdates::nodes
   std::vector<uint32_t> slot_triangle;  // slot -> ClusterUpdates::triangles
@@ -389,6 +400,12 @@ OutArcs FindArcs(const ClusterUpdates& updates, const Owners& owners, const Repl
     const UnitId child = consumer_of(slot).child;
     if (child != kNone32) children.push_back(child);
   }
+  for (const ClusterUpdates::Crumb& crumb : updates.crumbs) {
+    for (const uint32_t t : crumb.triangles) {
+      if (updates.consumers[t].child != kNone32) children.push_back(updates.consumers[t].child);
+    }
+    result.out_triangles += static_cast<uint32_t>(crumb.triangles.size());
+  }
   std::sort(children.begin(), children.end());
   children.erase(std::unique(children.begin(), children.end()), children.end());
 
@@ -400,8 +417,14 @@ OutArcs FindArcs(const ClusterUpdates& updates, const Owners& owners, const Repl
     const auto at = std::lower_bound(children.begin(), children.end(), consumer.child);
     arcs.ordinals[slot] = static_cast<uint32_t>(at - children.begin());
     if (!consumer.explicit_arc) continue;
-    // The builder's corner 0 is the child's first corner; find it among the star triangle's.
+    // The builder's corner 0 is the child's first corner; find it among the triangle's.
     const uint32_t triangle = replay.slot_triangle[slot];
+    if (owners.creators[triangle] == kNone32) {  // a trigger that comes in
+      const uint8_t turn = result.in_rotations[slot];
+      arcs.explicit_arcs.push_back(
+          {slot, consumer.child_slot, static_cast<uint8_t>((3 - turn) % 3)});
+      continue;
+    }
     const auto& t = updates.triangles[triangle];
     const uint32_t vertex = updates.nodes[owners.creators[triangle]].vertex;
     const auto apex = std::find(t.begin(), t.end(), vertex) - t.begin();
@@ -454,7 +477,7 @@ EncodedCluster internal::EncodeCluster(const ClusterUpdates& updates,
                                        const AttributeLayout& attributes, ClusterModels& models,
                                        ModelObserver* observer) {
   const size_t node_count = updates.nodes.size();
-  MTDB_CHECK(node_count > 0, "a cluster needs nodes");
+  MTDB_CHECK(node_count + updates.crumbs.size() > 0, "a cluster needs nodes");
   EncodedCluster result;
   const Owners owners = FindOwners(updates);
   const InPatch in = OrderInTriangles(updates, owners, result);
@@ -476,8 +499,7 @@ EncodedCluster internal::EncodeCluster(const ClusterUpdates& updates,
   RansEncoder arc_stream(observer);
   if (child_count > 0) {
     models.arcs.Code(
-        arc_stream, replay.patch, static_cast<uint32_t>(in.triangles.size()), child_count,
-        [&](uint32_t slot) { return arcs.ordinals[slot]; },
+        arc_stream, replay.patch, child_count, [&](uint32_t slot) { return arcs.ordinals[slot]; },
         [](uint32_t, uint32_t) { return true; });
   }
   RansEncoder vertices(observer);
@@ -486,6 +508,11 @@ EncodedCluster internal::EncodeCluster(const ClusterUpdates& updates,
 
   StreamWriter streams;
   EncodeExplicitArcs(arcs.explicit_arcs, streams);
+  result.nodes = EncodeCrumbs(updates,
+                              CrumbPlaces{replay.patch, replay.slot_triangle, result.children,
+                                          [&](uint32_t v) { return replay.stored_vertex(v); }},
+                              attributes.row_bytes(), streams);
+  result.nodes += static_cast<uint32_t>(node_count);
   ByteWriter& head = streams.stream(StreamTag::kHead);
   head.Put<uint8_t>(FlagsOf(replay, updates.is_height_field, scaled_by_error));
   head.Put<uint8_t>(static_cast<uint8_t>(reference_length));
@@ -501,7 +528,7 @@ EncodedCluster internal::EncodeCluster(const ClusterUpdates& updates,
   streams.AddCoded(StreamTag::kArcs, arc_stream.Finish());
   streams.AddCoded(StreamTag::kAttributes, replay.attribute_stream.Finish());
   result.payload = streams.Finish();
-  if (const uint64_t least = LeastPayloadBytes(node_count, attributes.row_bytes());
+  if (const uint64_t least = LeastPayloadBytes(result.nodes, attributes.row_bytes());
       result.payload.size() < least) {
     streams.AddCoded(StreamTag::kPadding, Bytes(least - result.payload.size()));
     result.payload = streams.Finish();
@@ -509,14 +536,43 @@ EncodedCluster internal::EncodeCluster(const ClusterUpdates& updates,
   return result;
 }
 
+namespace {
+
+// Of nodes[first], which bring a crumb: appends it, and the triangles that its slots have.
+void AddCrumb(const Cluster& cluster, NodeIndex first, NodeIndex end,
+              std::vector<uint32_t>& triangle_of, ClusterUpdates& updates) {
+  ClusterUpdates::Crumb& crumb = updates.crumbs.emplace_back();
+  crumb.error_code = cluster.error_codes[first];
+  const NodeShape shape = cluster.shape(first);
+  for (const uint32_t slot : shape.removed) crumb.triggers.push_back(triangle_of[slot]);
+  if (cluster.fans[first] == kCrumb) {
+    for (NodeIndex i = first; i < end; ++i) crumb.vertices.push_back(cluster.first_vertex(i));
+  }
+  for (const uint32_t slot : shape.created) {
+    const size_t place = slot - shape.created.first;
+    if (place < crumb.triggers.size()) {
+      triangle_of[slot] = crumb.triggers[place];
+      continue;
+    }
+    triangle_of[slot] = static_cast<uint32_t>(updates.triangles.size());
+    crumb.triangles.push_back(triangle_of[slot]);
+    updates.triangles.push_back(cluster.created_triangle(first, slot));
+    if (!cluster.in.two_sided.empty()) updates.two_sided.push_back(cluster.in.two_sided[slot]);
+  }
+}
+
+}  // namespace
+
 ClusterUpdates UpdatesOf(const Cluster& cluster, bool is_height_field) {
   ClusterUpdates updates;
   updates.is_height_field = is_height_field;
   updates.positions = cluster.in.positions;
   updates.rows = cluster.in.rows;
   updates.triangles = cluster.in.triangles;
-  updates.two_sided = cluster.in.two_sided;
-  for (NodeIndex i = 0; i < cluster.nodes(); ++i) {
+  std::vector<uint32_t> triangle_of(cluster.slots());
+  std::iota(triangle_of.begin(), triangle_of.end(), 0u);
+  NodeIndex i = 0;
+  for (; i < cluster.nodes() && !cluster.crumb(i); ++i) {
     const NodeShape shape = cluster.shape(i);
     MTDB_CHECK(shape.vertices.size() == 1, "a node that is no insertion of a vertex");
     ClusterUpdates::Node& node = updates.nodes.emplace_back();
@@ -533,14 +589,23 @@ ClusterUpdates UpdatesOf(const Cluster& cluster, bool is_height_field) {
       updates.triangles.push_back(cluster.created_triangle(i, slot));
     }
   }
-  updates.consumers.resize(cluster.slots());
+  if (!cluster.in.two_sided.empty()) {
+    const auto begin = cluster.in.two_sided.begin();
+    updates.two_sided.assign(begin, begin + std::ssize(updates.triangles));
+  }
+  while (i < cluster.nodes()) {
+    const NodeIndex first = i;
+    for (++i; i < cluster.nodes() && cluster.hole(i).empty();) ++i;
+    AddCrumb(cluster, first, i, triangle_of, updates);
+  }
+  updates.consumers.resize(updates.triangles.size());
   for (uint32_t s = 0; s < cluster.slots(); ++s) {
     if (!RemovedByChild(cluster.removers[s])) continue;
-    updates.consumers[s].child = cluster.children[ChildOrdinal(cluster.removers[s])];
+    updates.consumers[triangle_of[s]].child = cluster.children[ChildOrdinal(cluster.removers[s])];
   }
   for (const ExplicitArc& arc : cluster.explicit_arcs) {
-    updates.consumers[arc.slot].explicit_arc = true;
-    updates.consumers[arc.slot].child_slot = arc.child_slot;
+    updates.consumers[triangle_of[arc.slot]].explicit_arc = true;
+    updates.consumers[triangle_of[arc.slot]].child_slot = arc.child_slot;
   }
   return updates;
 }

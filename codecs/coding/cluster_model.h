@@ -340,12 +340,11 @@ class PositionModel {
 class ArcModel {
  public:
   ArcModel();
-  // Visits each out-triangle (alive, not below `first_own`) in ascending order, and codes which
-  // child removes it: get(slot) is an ordinal, or `children` for the drain; put(slot, ordinal) gets
-  // it back, and ends it all by false. Returns false then, and on a number beyond.
+  // Visits each out-triangle (alive) in ascending order, and codes which child removes it:
+  // get(slot) is an ordinal, or `children` for the drain; put(slot, ordinal) gets it back, and ends
+  // it all by false. Returns false then, and on a number beyond.
   template <typename Coder, typename Get, typename Put>
-  bool Code(Coder&& coder, const Patch& patch, uint32_t first_own, uint32_t children, Get&& get,
-            Put&& put);
+  bool Code(Coder&& coder, const Patch& patch, uint32_t children, Get&& get, Put&& put);
 
   template <typename Visit>
   void ForEachTable(Visit&& visit) {
@@ -360,12 +359,11 @@ class ArcModel {
 };
 
 template <typename Coder, typename Get, typename Put>
-bool ArcModel::Code(Coder&& coder, const Patch& patch, uint32_t first_own, uint32_t children,
-                    Get&& get, Put&& put) {
+bool ArcModel::Code(Coder&& coder, const Patch& patch, uint32_t children, Get&& get, Put&& put) {
   // Without a branch, which would be hard to predict.
   std::vector<uint32_t> alive(patch.slots() + size_t{1});
   size_t count = 0;
-  for (uint32_t slot = first_own; slot < patch.slots(); ++slot) {
+  for (uint32_t slot = 0; slot < patch.slots(); ++slot) {
     alive[count] = slot;
     count += static_cast<size_t>(patch.remover(slot) == kNone32);
   }

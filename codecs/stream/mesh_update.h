@@ -53,11 +53,25 @@ struct UpdateBatch {
     TriangleKey key = 0;
     std::array<uint8_t, 3> corners{};  // places in the node's ring
   };
+  // A small part of the surface that comes (goes) as a whole. Some triangles beside it stay what
+  // they are, but under other keys.
+  struct Crumb {
+    struct Renamed {
+      TriangleKey without = 0, with = 0;  // the crumb
+    };
+    std::vector<VertexIndex> vertices;  // its own: no other triangle has one
+    std::vector<Vec3i> positions;       // of `vertices`
+    Bytes rows;                         // likewise
+    std::vector<std::array<VertexIndex, 3>> triangles;
+    std::vector<TriangleKey> keys;  // of `triangles`
+    std::vector<Renamed> renamed;
+  };
   bool insert = true;
   std::vector<Node> nodes;
   std::vector<VertexIndex> ring;
   std::vector<HoleTriangle> holes;
   Bytes rows;  // attributes of the nodes' vertices
+  std::vector<Crumb> crumbs;
 
   // The nodes that are one update with node i, the first of them: i .. EndOfUpdate(i) - 1.
   size_t EndOfUpdate(size_t i) const {
@@ -65,7 +79,7 @@ struct UpdateBatch {
     return i;
   }
   uint64_t updates() const {
-    return static_cast<uint64_t>(std::ranges::count(nodes, false, &Node::twin));
+    return crumbs.size() + static_cast<uint64_t>(std::ranges::count(nodes, false, &Node::twin));
   }
   std::span<const VertexIndex> ring_of(const Node& node) const {
     return std::span(ring).subspan(node.ring_begin, node.ring_count);

@@ -48,6 +48,9 @@ class UpdateDecoder::Impl {
   Status DecodeInsertion(Coder& coder, uint32_t anchor);
   Status DecodeListed(Coder& coder, bool insert);
   Status DecodeLists(Coder& coder, bool insert, UpdateHole& update) const;
+  Status DecodeListedVertex(Coder& coder, uint64_t more, uint32_t& vertex);
+  Status DecodeCrumb(Coder& coder, bool insert);
+  Status InsertCrumb(Coder& coder);
   Status CheckListed(bool insert, uint32_t vertex, UpdateHole& update) const;
   // By the Delaunay rule.
   Status DecodeRuled(Coder& coder);
@@ -439,9 +442,10 @@ Status UpdateDecoder::Impl::CheckListed(bool insert, uint32_t vertex, UpdateHole
 
 Status UpdateDecoder::Impl::DecodeListed(Coder& coder, bool insert) {
   const uint32_t count = coder.Raw(5);
+  if (count == 0) return DecodeCrumb(coder, insert);
   const bool open = coder.Raw(1) != 0;
   // Two of a vertex inside of the surface are the two sides of the same triangles.
-  if (count == 0 || count > (open ? kMostListedHoles : 2)) return Corrupted("listed holes");
+  if (count > (open ? kMostListedHoles : 2)) return Corrupted("listed holes");
   const auto holes = std::span(listed_).first(count);
   cost_.AddUpdates(holes.size() - 1);
   std::vector<uint32_t> slots;
@@ -454,10 +458,13 @@ Status UpdateDecoder::Impl::DecodeListed(Coder& coder, bool insert) {
   if (std::adjacent_find(slots.begin(), slots.end()) != slots.end()) {
     return Corrupted("listed holes that overlap");
   }
-  uint32_t vertex = coder.Raw(32);
-  if (coder.overrun()) return Corrupted("record cut short");
-  if (!insert && (!mesh_.has_vertex(vertex) || mesh_.degree(vertex) != slots.size())) {
-    return Corrupted("listed removal of what is no vertex");
+  uint32_t vertex = kNone32;
+  if (!insert) {
+    vertex = coder.Raw(32);
+    if (coder.overrun()) return Corrupted("record cut short");
+    if (!mesh_.has_vertex(vertex) || mesh_.degree(vertex) != slots.size()) {
+      return Corrupted("listed removal of what is no vertex");
+    }
   }
   const auto ends = [](const UpdateHole& update) {
     const std::span<const uint32_t> ring = update.hole.ring_span();
@@ -478,7 +485,18 @@ Status UpdateDecoder::Impl::DecodeListed(Coder& coder, bool insert) {
     mesh_.Forget(vertex, count == 1 ? FirstOfRing(holes[0]) : kNone32);
     return Status::Ok();
   }
+  MTDB_RETURN_IF_ERROR(DecodeListedVertex(coder, 1 + holes.size(), vertex));
+  for (const UpdateHole& update : holes) {
+    InsertStar(mesh_, models_, update, vertex, &next_fresh_.slots());
+  }
+  next_fresh_.Clear(mesh_);
+  return Status::Ok();
+}
+
+// One that is remembered, or a new one; it makes so many triangles more.
+Status UpdateDecoder::Impl::DecodeListedVertex(Coder& coder, uint64_t more, uint32_t& vertex) {
   Vec3i position{};
+  vertex = coder.Raw(32);
   if (vertex == kNone32) {
     for (int i = 0; i < 3; ++i) position[i] = static_cast<int32_t>(coder.Raw(32));
     for (std::byte& b : row_) b = static_cast<std::byte>(coder.Raw(8));
@@ -486,11 +504,57 @@ Status UpdateDecoder::Impl::DecodeListed(Coder& coder, bool insert) {
     return Corrupted("no such remembered vertex");
   }
   if (coder.overrun()) return Corrupted("record cut short");
-  MTDB_RETURN_IF_ERROR(TakeVertex(1 + holes.size(), position, vertex));
-  for (const UpdateHole& update : holes) {
-    InsertStar(mesh_, models_, update, vertex, &next_fresh_.slots());
+  return TakeVertex(more, position, vertex);
+}
+
+Status UpdateDecoder::Impl::DecodeCrumb(Coder& coder, bool insert) {
+  if (insert) return InsertCrumb(coder);
+  const uint32_t count = coder.Raw(6);
+  if (count == 0) return Corrupted("a crumb without triangles");
+  slots_.clear();
+  for (uint32_t t = 0; t < count; ++t) {
+    slots_.push_back(coder.Raw(32));
+    cost_.AddAttached();
+    if (coder.overrun() || !mesh_.has_triangle(slots_.back())) {
+      return Corrupted("a crumb whose triangles are not there");
+    }
   }
-  next_fresh_.Clear(mesh_);
+  if (!MayGoOn()) return TooCostly();
+  std::vector<uint32_t> sorted = slots_;
+  std::sort(sorted.begin(), sorted.end());
+  if (std::adjacent_find(sorted.begin(), sorted.end()) != sorted.end()) {
+    return Corrupted("a crumb with a triangle twice");
+  }
+  std::vector<uint32_t> left_over;
+  mesh_.Drop(slots_, &left_over);
+  for (const uint32_t vertex : left_over) mesh_.Forget(vertex, kNone32);
+  return Status::Ok();
+}
+
+Status UpdateDecoder::Impl::InsertCrumb(Coder& coder) {
+  const uint32_t vertices = coder.Raw(7);
+  std::vector<uint32_t> own(vertices);
+  for (uint32_t& vertex : own) MTDB_RETURN_IF_ERROR(DecodeListedVertex(coder, 0, vertex));
+  const uint32_t count = coder.Raw(6);
+  if (count == 0) return Corrupted("a crumb without triangles");
+  if (mesh_.triangle_count() + count > limits_.triangles) {
+    return Corrupted("the mesh exceeds this client's limit");
+  }
+  const auto is_there = [&](uint32_t v) { return mesh_.has_vertex(v) || Has(own, v); };
+  for (uint32_t t = 0; t < count; ++t) {
+    std::array<uint32_t, 3> corners;
+    for (uint32_t& v : corners) v = coder.Raw(32);
+    cost_.AddAttached();
+    if (!MayGoOn()) return TooCostly();
+    if (!std::ranges::all_of(corners, is_there) || corners[0] == corners[1] ||
+        corners[1] == corners[2] || corners[2] == corners[0]) {
+      return Corrupted("a crumb's corner that is not there");
+    }
+    mesh_.Attach(corners);
+  }
+  if (!std::ranges::all_of(own, [&](uint32_t v) { return mesh_.has_vertex(v); })) {
+    return Corrupted("a crumb's vertex without triangles");
+  }
   return Status::Ok();
 }
 

@@ -49,7 +49,10 @@ bool CutImpl::WantsEverything() const {
   const bool whole = query_.region == nullptr || query_.region->whole();
   const bool full = query_.threshold == nullptr || query_.threshold->full_resolution();
   const bool fits = !query_.max_triangles || *query_.max_triangles >= surface_->record().triangles;
-  return whole && full && fits && !query_.available_only && !query_.max_bytes &&
+  // Where some nodes have no vertex, numbers of vertices have gaps.
+  const ObjectRecord& record = surface_->record();
+  const bool gaps = record.vertices < record.vertex_numbers();
+  return whole && full && fits && !gaps && !query_.available_only && !query_.max_bytes &&
          !query_.max_milliseconds;
 }
 
@@ -212,8 +215,12 @@ Status CutImpl::NumberVertices() {
   for (UnitId u = 0; u < index_.unit_count(); ++u) {
     if (cut_.Find(u) != nullptr) {
       MTDB_RETURN_IF_ERROR(reader_.Check());
-      const Bits& nodes = Nodes(u);
       Output& out = output(u);
+      if (!clip_ && !cut_.Find(u)->without_vertex.empty()) {
+        out.used = cut_.Find(u)->applied;
+        out.used.RemoveAll(cut_.Find(u)->without_vertex.words());
+      }
+      const Bits& nodes = Nodes(u);
       out.first = next;
       out.nodes = nodes.words().data();
       out.ranks = nodes.Ranks();

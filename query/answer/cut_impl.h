@@ -100,7 +100,7 @@ class CutImpl {
   // Bits per own slot: what is emitted of the unit's active triangles, or of the others.
   std::span<const uint64_t> Slots(const LoadedUnit& unit, bool active);
   const Bits& Nodes(UnitId unit) const {
-    return clip_ ? output(unit).used : cut_.Find(unit)->applied;
+    return clip_ || !output(unit).used.empty() ? output(unit).used : cut_.Find(unit)->applied;
   }
   Output& output(UnitId unit) { return outputs_[cut_.Find(unit)->place]; }
   const Output& output(UnitId unit) const { return outputs_[cut_.Find(unit)->place]; }

@@ -47,9 +47,10 @@ Status CheckIndex(const ObjectRecord& record, const ClusterIndex& index) {
       if (p <= id || p >= index.unit_count()) return corrupt(name + ": parent order");
     }
   }
-  if (all && next != record.vertices) {
-    return corrupt(std::to_string(next) + " vertices, but the catalog says " +
-                   std::to_string(record.vertices));
+  if ((all && next != record.vertex_numbers()) || record.vertices > record.vertex_numbers()) {
+    return corrupt(std::to_string(next) + " numbers of vertices, but the catalog says " +
+                   std::to_string(record.vertex_numbers()) + " for " +
+                   std::to_string(record.vertices) + " vertices");
   }
   return Status::Ok();
 }

@@ -37,7 +37,7 @@ class Verifier {
     }));
     if (!complete_) return Status::Ok();
     Expect("nodes", record_.nodes, nodes_);
-    Expect("vertices", record_.vertices, index_.root_vertices() + nodes_);
+    Expect("vertices", record_.vertices, index_.root_vertices() + nodes_ - without_vertex_);
     Expect("root triangles", record_.root_triangles, root_triangles_);
     Expect("triangles at full resolution", record_.triangles, drain_);
     Expect("arcs that leave a cluster or the root", in_triangles_, arcs_out_);
@@ -64,6 +64,10 @@ class Verifier {
     if (record_.input.nonmanifold_edges == 0 && record_.input.two_sided_triangles == 0) {
       ExpectEuler("of the full-resolution mesh", record_.vertices, digest_.triangles(),
                   record_.boundary_edges);
+      if (crumbs_ > 0) {
+        Check("the Euler characteristic is that of the input at full resolution");
+        return Status::Ok();
+      }
       // Each insertion into the border adds one edge to it.
       ExpectEuler("of the root mesh", index_.root_vertices(), root_triangles_,
                   record_.boundary_edges - boundary_nodes_);
@@ -146,6 +150,7 @@ class Verifier {
     CheckBounds(unit, index_.unit(unit.id).bounds);
     root_triangles_ += c.listed() - c.in_triangles();
     nodes_ += c.nodes();
+    for (NodeIndex i = 0; i < c.nodes(); ++i) without_vertex_ += c.without_vertex(i);
     in_triangles_ += c.in_triangles();
     std::vector<uint32_t>& depth = depths_[unit.id];
     depth.resize(c.nodes());
@@ -174,7 +179,10 @@ class Verifier {
     const LocalRemovers& removers = unit.removers();
     const LocalPositions& positions = unit.positions();
     root_triangles_ += unit.cluster.listed() - unit.cluster.in_triangles();
-    for (NodeIndex i = 0; i < unit.nodes(); ++i) boundary_nodes_ += unit.cluster.boundary(i);
+    for (NodeIndex i = 0; i < unit.nodes(); ++i) {
+      crumbs_ += unit.cluster.crumb(i);
+      boundary_nodes_ += unit.cluster.boundary(i);
+    }
     for (uint32_t slot = unit.first_own_slot(); slot < removers.size(); ++slot) {
       if (removers[slot] != kDrain) continue;
       const std::array<uint32_t, 3> t = unit.corners(slot, unit.creator(slot));
@@ -198,6 +206,8 @@ class Verifier {
   uint64_t drain_ = 0;
   uint64_t root_triangles_ = 0;
   uint64_t boundary_nodes_ = 0;
+  uint64_t crumbs_ = 0;          // numbers of nodes that bring such
+  uint64_t without_vertex_ = 0;  // of these
   uint32_t max_degree_ = 0;
   uint32_t depth_ = 0;
   uint8_t error_code_max_ = 0;

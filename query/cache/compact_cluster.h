@@ -119,8 +119,23 @@ struct CompactCluster {
   uint32_t first_vertex(NodeIndex i) const {
     return vertex_begin.empty() ? external_vertices() + i : vertex_begin[i];
   }
+  // The node with its further numbers: of one that brings a crumb, see kCrumb. They are applied and
+  // taken back together.
+  IndexRange numbers_of(NodeIndex i) const {
+    if (fans.empty() || fans[i] != kCrumb) [[likely]]
+      return {i, i + 1};
+    NodeIndex end = i + 1;
+    while (end < nodes() && hole_begin[end] == hole_begin[end + 1]) ++end;
+    return {i, end};
+  }
+  // True when its number has no vertex in the mesh.
+  bool without_vertex(NodeIndex i) const { return !fans.empty() && fans[i] == kCrumbWithoutVertex; }
+  bool crumb(NodeIndex i) const { return !fans.empty() && fans[i] >= kCrumbWithoutVertex; }
   // Local vertices that the node creates.
-  IndexRange created_vertices(NodeIndex i) const { return {first_vertex(i), first_vertex(i + 1)}; }
+  IndexRange created_vertices(NodeIndex i) const {
+    const IndexRange numbers = numbers_of(i);
+    return {first_vertex(numbers.first), first_vertex(numbers.last) - (without_vertex(i) ? 1 : 0)};
+  }
   bool boundary(NodeIndex i) const {
     if (!fans.empty()) [[unlikely]]
       return fans[i] != 0;

@@ -99,9 +99,12 @@ void CutState::Exchange(CutUnit& u, const LoadedUnit& unit, NodeIndex node, bool
   } else {
     u.present.ClearRange(begin, end);
   }
-  u.applied.Put(node, apply);
-  u.applied_count += static_cast<uint32_t>(n);
-  counts_.applied += n;
+  const IndexRange numbers = cluster.numbers_of(node);
+  for (const NodeIndex number : numbers) u.applied.Put(number, apply);
+  if (cluster.crumb(node)) [[unlikely]]
+    NoteCrumb(u, cluster, node);
+  u.applied_count += static_cast<uint32_t>(n) * numbers.size();
+  counts_.applied += n * numbers.size();
   counts_.vertices += n * cluster.created_vertices(node).size();
   counts_.triangles += n * (end - begin - hole.size());
   if (!remembers()) return;
@@ -120,6 +123,17 @@ void CutState::Exchange(CutUnit& u, const LoadedUnit& unit, NodeIndex node, bool
     const uint8_t code = codes[drain ? node : remover];
     counts_.by_code[drain ? 0 : code] += n;
   }
+}
+
+void CutState::NoteCrumb(CutUnit& u, const CompactCluster& cluster, NodeIndex node) {
+  // Its further numbers are never forced.
+  if (!u.refusing.empty()) {
+    const IndexRange numbers = cluster.numbers_of(node);
+    for (NodeIndex i = node + 1; i < numbers.last; ++i) u.refusing.Set(i);
+  }
+  if (!cluster.without_vertex(node)) return;
+  if (u.without_vertex.empty()) u.without_vertex = Bits(cluster.nodes());
+  u.without_vertex.Set(node);
 }
 
 Result<uint32_t> CutState::InSlotOf(const LoadedUnit& unit, const Arc& arc) const {

@@ -69,6 +69,8 @@ class CutState : public CutUnits {
   void Remove(CutUnit& u, const LoadedUnit& unit, NodeIndex node) {
     Exchange(u, unit, node, false);
   }
+  // What the cut keeps of an applied node that brings a crumb.
+  static void NoteCrumb(CutUnit& u, const CompactCluster& cluster, NodeIndex node);
   // Counts nodes that were applied by other means: see StoredOrderPass.
   void CountInserted(uint64_t nodes, uint64_t vertices, uint64_t triangles) {
     counts_.applied += nodes;

@@ -40,6 +40,8 @@ struct CutUnit : CutFlags {
   const LoadedUnit* pin = nullptr;   // while UnitPins holds it
   std::unique_ptr<CutFlags> before;  // at the end of the last round, where it differs
   Bits active;                       // per own slot: see Survey
+  // Per node, as far as it was applied once: its number has no vertex. Mostly empty.
+  Bits without_vertex;
   // Work: arcs whose triangles have come or gone, and nodes that may have to be applied.
   std::vector<Arc> arrivals;
   Bits wanted;

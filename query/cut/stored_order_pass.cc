@@ -105,9 +105,12 @@ void StoredOrderPass::Apply(NodeIndex node) {
   } else {
     std::fill_n(star, size, uint8_t{1});
   }
-  u_->applied.Set(node);
-  ++u_->applied_count;
-  ++nodes_;
+  const IndexRange numbers = cluster.numbers_of(node);
+  for (const NodeIndex number : numbers) u_->applied.Set(number);
+  if (cluster.crumb(node)) [[unlikely]]
+    CutState::NoteCrumb(*u_, cluster, node);
+  u_->applied_count += numbers.size();
+  nodes_ += numbers.size();
   vertices_ += unit_->cluster.created_vertices(node).size();
   triangles_ += size - hole.size();
 }

@@ -38,6 +38,8 @@ Status UpdateBatches::Collect(const GetUnit& get, std::vector<UpdateBatch>* batc
     PrefetchShapes(*unit);
     std::span<const NodeIndex> creators = creators_;
     for (size_t n = 0; n < nodes_.size(); ++n) {
+      // A further number of a node that brings a crumb.
+      if (unit->cluster.hole(nodes_[n]).empty()) continue;
       const size_t batch = first + u.levels[LevelPlace(n)];
       while (batches->size() <= batch) {
         batches->emplace_back().insert = insert_;
@@ -113,6 +115,7 @@ void UpdateBatches::Reserve(UpdateBatch& batch) const {
 void UpdateBatches::AddNode(const LoadedUnit& unit, NodeIndex node,
                             std::span<const NodeIndex> creators, UpdateBatch& batch) const {
   const CompactCluster& c = unit.cluster;
+  if (c.crumb(node)) return AddCrumb(unit, node, batch);
   if (!c.has_later_fans(node)) {
     AddHole(unit, node, {c.star_begin[node], c.star_begin[node + 1]}, c.ring(node), c.hole(node),
             creators, batch);
@@ -136,6 +139,38 @@ void UpdateBatches::AddNode(const LoadedUnit& unit, NodeIndex node,
     batch.nodes.back().twin = twin;
     done += count;
   });
+}
+
+// The first triangles of its star are those of its hole.
+void UpdateBatches::AddCrumb(const LoadedUnit& unit, NodeIndex node, UpdateBatch& batch) const {
+  const CompactCluster& c = unit.cluster;
+  const uint32_t external = c.external_vertices();
+  const VertexIndex first_vertex = index_.first_vertex(unit.id);
+  UpdateBatch::Crumb& crumb = batch.crumbs.emplace_back();
+  for (const uint32_t v : c.created_vertices(node)) {
+    crumb.vertices.push_back(first_vertex + (v - external));
+    crumb.positions.push_back(c.position(v));
+    const auto row = c.rows.begin() + static_cast<std::ptrdiff_t>(v * row_bytes_);
+    crumb.rows.insert(crumb.rows.end(), row, row + static_cast<std::ptrdiff_t>(row_bytes_));
+  }
+  uint32_t slot = c.star_begin[node];
+  for (const uint32_t trigger : c.hole(node)) {
+    TriangleKey key = TriangleKeyOf(unit.id, trigger);
+    if (trigger < unit.first_own_slot()) {
+      const SlotOrigin& origin = unit.origins[trigger];
+      key = TriangleKeyOf(unit.parents[origin.parent], origin.slot);
+    }
+    crumb.renamed.push_back({key, TriangleKeyOf(unit.id, slot++)});
+  }
+  for (; slot < c.star_begin[node + 1]; ++slot) {
+    crumb.keys.push_back(TriangleKeyOf(unit.id, slot));
+    std::array<VertexIndex, 3>& corners = crumb.triangles.emplace_back();
+    const std::array<uint32_t, 3> local = c.created_triangle(node, slot);
+    for (size_t i = 0; i < 3; ++i) {
+      corners[i] =
+          local[i] < external ? c.vertices[local[i]] : first_vertex + (local[i] - external);
+    }
+  }
 }
 
 // `star`: the slots of one fan of the node, around the hole of these slots.

@@ -61,6 +61,8 @@ class UpdateBatches {
   void AddHole(const LoadedUnit& unit, NodeIndex node, IndexRange star,
                std::span<const LocalNumber> ring, std::span<const LocalNumber> hole,
                std::span<const NodeIndex> creators, UpdateBatch& batch) const;
+  // Of a node that brings a crumb.
+  void AddCrumb(const LoadedUnit& unit, NodeIndex node, UpdateBatch& batch) const;
   // Room for the nodes of a batch, of usual rings.
   void Reserve(UpdateBatch& batch) const;
 

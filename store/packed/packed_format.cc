@@ -87,9 +87,9 @@ class DirectoryReader {
       page.bytes = static_cast<uint32_t>(bytes);
       page.first_vertex = vertex;
       vertex += page.nodes;
-      if (vertex > object->record.vertices) break;
+      if (vertex > object->record.vertex_numbers()) break;
     }
-    if (vertex != object->record.vertices) {
+    if (vertex != object->record.vertex_numbers()) {
       return Bad("object " + object->record.name, "its pages have other vertices than its record");
     }
     return Status::Ok();

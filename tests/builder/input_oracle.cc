@@ -48,6 +48,7 @@ InputOracle::InputOracle(const std::vector<TriangleVertices>& input, uint64_t ve
   }
   for (const auto& [v, triangles] : at) {
     if (Fans(v) > 1) fixed.insert(v);
+    if (Fans(v) > 1 && Fans(v) <= kMostOrder) fans[v] = static_cast<uint32_t>(Fans(v));
   }
   FindChains();
   report.nonmanifold_vertices = fixed.size();
@@ -92,11 +93,11 @@ std::optional<uint32_t> InputOracle::ChainOrder(VertexIndex v) const {
   return static_cast<uint32_t>(order);
 }
 
-// Of the numbers that a chain's vertex has, one for each fan, behind the input's.
+// Of the numbers that a vertex with fans has, one for each, behind the input's.
 uint32_t InputOracle::FirstNumber(VertexIndex v) const {
   uint64_t number = report.vertices;
-  for (const auto& [other, fans] : chains) {
-    if (other < v) number += fans;
+  for (const auto& [other, count] : fans) {
+    if (other < v) number += count;
   }
   return static_cast<uint32_t>(number);
 }
@@ -143,6 +144,18 @@ std::vector<size_t> InputOracle::FanGroups(VertexIndex v) const {
   return group;
 }
 
+// Those of many triangles first; else by their first triangles.
+std::vector<size_t> InputOracle::SortedFans(VertexIndex v) const {
+  const std::vector<size_t> group = FanGroups(v);
+  std::vector<size_t> sorted(group);
+  std::sort(sorted.begin(), sorted.end());
+  sorted.erase(std::unique(sorted.begin(), sorted.end()), sorted.end());
+  const auto size = [&](size_t fan) { return std::count(group.begin(), group.end(), fan); };
+  std::stable_sort(sorted.begin(), sorted.end(),
+                   [&](size_t a, size_t b) { return size(a) > size(b); });
+  return sorted;
+}
+
 std::vector<TileTriangle> ClassifiedTriangles(const TriangleMesh& mesh, const Grid& grid) {
   const InputOracle oracle(mesh.triangles, mesh.positions.size());
   std::vector<TileTriangle> triangles;
@@ -156,14 +169,16 @@ std::vector<TileTriangle> ClassifiedTriangles(const TriangleMesh& mesh, const Gr
       t.set_order(c, static_cast<uint32_t>(std::min<size_t>(order, kMostOrder)));
       t.set_fixed(c, oracle.fixed.contains(v));
       t.set_two_sided(oracle.two_sided[triangles.size() - 1]);
-      if (!oracle.chains.contains(v)) continue;
-      // Fans are numbered by their first triangles.
+      if (!oracle.fans.contains(v)) continue;
       const std::vector<size_t> group = oracle.FanGroups(v);
-      const std::set<size_t> firsts(group.begin(), group.end());
+      const std::vector<size_t> sorted = oracle.SortedFans(v);
       const std::vector<size_t>& around = oracle.at.at(v);
       const auto here = std::find(around.begin(), around.end(), triangles.size() - 1);
       const size_t fan = group[static_cast<size_t>(here - around.begin())];
-      t.set_fan(c, static_cast<uint32_t>(std::distance(firsts.begin(), firsts.find(fan))));
+      const auto number = static_cast<size_t>(
+          std::distance(sorted.begin(), std::find(sorted.begin(), sorted.end(), fan)));
+      t.set_fan(c, static_cast<uint32_t>(number));
+      t.set_more_fans(c, number + 1 < sorted.size());
       t.vertices[c] = oracle.FirstNumber(v) + t.fan(c);
     }
   }

@@ -35,9 +35,12 @@ struct InputOracle {
   std::map<VertexIndex, std::vector<size_t>> at;  // kept triangles at a vertex
   std::set<VertexIndex> fixed;                    // at a non-manifold place, and on no chain
   std::map<VertexIndex, uint32_t> chains;  // vertices on chains of several triangles: how many
+  std::map<VertexIndex, uint32_t> fans;    // of vertices with 2 .. kMostOrder: how many
 
   size_t OrderOf(const Edge& edge) const;
   std::vector<size_t> FanGroups(VertexIndex v) const;
+  // The fans' groups in the order of their numbers.
+  std::vector<size_t> SortedFans(VertexIndex v) const;
   uint32_t FirstNumber(VertexIndex v) const;
 
  private:

@@ -55,6 +55,7 @@ class ExplicitMesh {
         REQUIRE(positions_.erase(node.vertex) == 1);
       }
     }
+    for (const UpdateBatch::Crumb& crumb : batch.crumbs) Apply(batch.insert, crumb, before);
   }
   std::multiset<std::array<Vec3i, 3>> Positions() const {
     std::multiset<std::array<Vec3i, 3>> set;
@@ -75,6 +76,32 @@ class ExplicitMesh {
   }
 
  private:
+  void Apply(bool insert, const UpdateBatch::Crumb& crumb, const std::set<TriangleKey>& before) {
+    REQUIRE(!crumb.renamed.empty());
+    for (const UpdateBatch::Crumb::Renamed& renamed : crumb.renamed) {
+      const TriangleKey from = insert ? renamed.without : renamed.with;
+      REQUIRE(before.count(from) == 1);
+      const TriangleVertices t = triangles_.at(from);
+      triangles_.erase(from);
+      REQUIRE(triangles_.emplace(insert ? renamed.with : renamed.without, t).second);
+    }
+    for (size_t v = 0; insert && v < crumb.vertices.size(); ++v) {
+      REQUIRE(positions_.emplace(crumb.vertices[v], crumb.positions[v]).second);
+    }
+    for (size_t t = 0; t < crumb.triangles.size(); ++t) {
+      if (insert) {
+        for (const VertexIndex v : crumb.triangles[t]) REQUIRE(positions_.contains(v));
+        REQUIRE(triangles_.emplace(crumb.keys[t], crumb.triangles[t]).second);
+      } else {
+        REQUIRE(before.count(crumb.keys[t]) == 1);
+        REQUIRE(Rotated(triangles_.at(crumb.keys[t])) == Rotated(crumb.triangles[t]));
+        triangles_.erase(crumb.keys[t]);
+      }
+    }
+    for (const VertexIndex v : crumb.vertices) {
+      if (!insert) REQUIRE(positions_.erase(v) == 1);
+    }
+  }
   static TriangleVertices Rotated(const TriangleVertices& t) { return Smallest(t); }
   std::map<VertexIndex, Vec3i> positions_;
   std::map<TriangleKey, TriangleVertices> triangles_;

@@ -3,9 +3,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdlib>
 #include <iterator>
 #include <map>
 #include <set>
+#include <tuple>
 
 #include "tests/sheets/sheet_graph.h"
 
@@ -73,7 +75,7 @@ class CutChecker {
   }
   void Number(const Complex& complex, const Complex& cut);
   SheetGraph Rest(const SheetGraph& cut);
-  static std::vector<bool> Present(const SheetGraph& rest, const SheetGraph& cut);
+  static std::vector<bool> Present(const SheetGraph& rest, const SheetGraph& cut, size_t points);
   // Patches of which the cut has no face; not yet all of them, when some have neighbours.
   std::vector<bool> Vanished(const SheetGraph& rest, const SheetGraph& cut) const;
   void CheckFaces(const SheetGraph& rest, const SheetGraph& cut);
@@ -117,14 +119,51 @@ void CutChecker::Number(const Complex& complex, const Complex& cut) {
   }
 }
 
-// A patch of the cut belongs to a patch that has the corners of all its faces. Where two patches
-// became one there is none, and then each face that has one patch only says that it is there.
-std::vector<bool> CutChecker::Present(const SheetGraph& rest, const SheetGraph& cut) {
+std::vector<bool> TwoSidedPatches(const SheetGraph& graph) {
+  std::vector<bool> two_sided(graph.patch_count());
+  for (size_t s = 0; s < graph.sheets().size(); ++s) {
+    two_sided[graph.patch_of(s)] = graph.sheets()[s].two_sided;
+  }
+  return two_sided;
+}
+
+// Patches without which a surface would have a hole: of the one-sided sheets at an edge, those that
+// run one way would outnumber the others by more than they do.
+std::vector<bool> ClosingPatches(const SheetGraph& graph) {
+  std::vector<bool> closing(graph.patch_count());
+  std::map<std::tuple<uint32_t, uint32_t, uint32_t>, int> share;  // of a patch at an edge
+  for (size_t s = 0; s < graph.sheets().size(); ++s) {
+    if (graph.sheets()[s].two_sided) continue;
+    const Triangle& t = graph.sheets()[s].corners;
+    for (size_t i = 0; i < 3; ++i) {
+      const uint32_t a = t[i], b = t[(i + 1) % 3];
+      share[{graph.patch_of(s), std::min(a, b), std::max(a, b)}] += a < b ? 1 : -1;
+    }
+  }
+  for (const auto& [at, part] : share) {
+    const auto& [patch, a, b] = at;
+    const Signature& all = graph.FindEdge(a, b)->signature;
+    const int sum = static_cast<int>(all.along) - static_cast<int>(all.against);
+    if (std::abs(sum - part) > std::abs(sum)) closing[patch] = true;
+  }
+  return closing;
+}
+
+// A patch of the cut belongs to a patch that has the corners of all its faces, and is two-sided as
+// they are. Where two patches became one there is none, and then each face that has one patch only
+// says that it is there. A patch is there whose own vertex is.
+std::vector<bool> CutChecker::Present(const SheetGraph& rest, const SheetGraph& cut,
+                                      size_t points) {
   std::vector<bool> present(rest.patch_count());
+  const std::vector<bool> two_sided = TwoSidedPatches(rest);
+  for (uint32_t v = 0; v < points; ++v) {
+    if (cut.IsUsed(v) && rest.patches_at(v).size() == 1) present[rest.patches_at(v)[0]] = true;
+  }
   std::vector<std::vector<uint32_t>> common(cut.patch_count()), sole(cut.patch_count());
   std::vector<bool> begun(cut.patch_count());
   for (size_t s = 0; s < cut.sheets().size(); ++s) {
-    const std::vector<uint32_t> patches = PatchesOf(rest, cut.sheets()[s].corners);
+    std::vector<uint32_t> patches = PatchesOf(rest, cut.sheets()[s].corners);
+    std::erase_if(patches, [&](uint32_t p) { return two_sided[p] != cut.sheets()[s].two_sided; });
     const uint32_t own = cut.patch_of(s);
     if (patches.size() == 1) sole[own].push_back(patches[0]);
     std::vector<uint32_t> both;
@@ -141,20 +180,28 @@ std::vector<bool> CutChecker::Present(const SheetGraph& rest, const SheetGraph& 
   return present;
 }
 
-// Flaps, fins and components have vertices of their own. Others may seem to be gone while a
-// neighbour was there that is gone now; so they are asked last.
+// Flaps, fins and components have vertices of their own, and surfaces are not opened without need.
+// Others may seem to be gone while a neighbour was there that is gone now; so they are asked last.
 std::vector<bool> CutChecker::Vanished(const SheetGraph& rest, const SheetGraph& cut) const {
-  std::vector<bool> vanished = Present(rest, cut);
+  std::vector<bool> vanished = Present(rest, cut, points_.size());
   vanished.flip();
   std::vector<bool> has_own(rest.patch_count());
   for (uint32_t v = 0; v < points_.size(); ++v) {
     if (rest.patches_at(v).size() == 1) has_own[rest.patches_at(v)[0]] = true;
   }
-  std::vector<bool> first = vanished;
-  for (uint32_t patch = 0; patch < rest.patch_count(); ++patch) {
-    if (!has_own[patch]) first[patch] = false;
-  }
-  if (std::count(first.begin(), first.end(), true) > 0) vanished = first;
+  const std::vector<bool> closing = ClosingPatches(rest);
+  const auto prefer = [&](auto&& wanted) {
+    std::vector<bool> first = vanished;
+    for (uint32_t patch = 0; patch < rest.patch_count(); ++patch) {
+      if (!wanted(patch)) first[patch] = false;
+    }
+    if (std::count(first.begin(), first.end(), true) == 0) return false;
+    vanished = first;
+    return true;
+  };
+  prefer([&](uint32_t patch) { return has_own[patch] && !closing[patch]; }) ||
+      prefer([&](uint32_t patch) { return !closing[patch]; }) ||
+      prefer([&](uint32_t patch) { return has_own[patch]; });
   // Of neighbours the smaller one.
   const std::vector<std::vector<uint32_t>> corners = CornersOfPatches(rest, points_.size());
   std::vector<bool> smallest = vanished;
@@ -191,10 +238,7 @@ SheetGraph CutChecker::Rest(const SheetGraph& cut) {
 }
 
 void CutChecker::CheckFaces(const SheetGraph& rest, const SheetGraph& cut) {
-  std::vector<bool> two_sided(rest.patch_count());
-  for (size_t s = 0; s < rest.sheets().size(); ++s) {
-    two_sided[rest.patch_of(s)] = rest.sheets()[s].two_sided;
-  }
+  const std::vector<bool> two_sided = TwoSidedPatches(rest);
   for (const Sheet& sheet : cut.sheets()) {
     const Triangle& t = sheet.corners;
     const std::string face = "face " + Name(t[0]) + " " + Name(t[1]) + " " + Name(t[2]);

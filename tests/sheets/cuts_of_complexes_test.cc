@@ -18,8 +18,8 @@ using mtdb::testing::BuiltObject;
 using mtdb::testing::Extract;
 using mtdb::testing::RandomCutQuery;
 
-// No node removes a patch whole.
-constexpr CutCheckOptions kCutOptions{.patches_may_vanish = false};
+// What is smaller than the error vanishes whole; at full resolution all is there.
+CutCheckOptions OptionsOf(int cut) { return {.patches_may_vanish = cut != 0}; }
 
 // Set to try other complexes than the first, or more: MTDB_SHEET_SEEDS=100..200.
 std::pair<uint32_t, uint32_t> Seeds() {
@@ -55,7 +55,8 @@ Query QueryOf(int cut, const ObjectRecord& record, std::mt19937& random) {
 struct Tally {
   uint64_t cuts = 0, coarser = 0, measured = 0, chains = 0;
   uint64_t triangles = 0, coarsest = 0;
-  double nearest = 0;  // measured over promised, at most
+  uint64_t vanished = 0;  // patches, in all cuts
+  double nearest = 0;     // measured over promised, at most
 };
 
 void CheckOne(Shape shape, uint32_t seed, Tally* tally) {
@@ -74,9 +75,10 @@ void CheckOne(Shape shape, uint32_t seed, Tally* tally) {
     ExtractStats stats;
     const Complex mesh = ComplexOf(Extract(*built.surface, query, &stats));
     CAPTURE(cut, stats.triangles, stats.error_bound);
-    const CutReport report = CheckCut(made.complex, mesh, kCutOptions);
+    const CutReport report = CheckCut(made.complex, mesh, OptionsOf(cut));
     INFO(report.Text());
     CHECK(report.ok());
+    tally->vanished += report.vanished_patches;
     ++tally->cuts;
     if (cut == 0) CHECK(mesh.triangles.size() == made.complex.triangles.size() - made.duplicates);
     if (cut == 1) tally->coarsest += mesh.triangles.size();
@@ -104,8 +106,8 @@ TEST_CASE("What meets in the input meets in every cut, edge for edge") {
     if (std::getenv("MTDB_PRINT_SHEETS") != nullptr) {
       WARN(NameOf(static_cast<Shape>(shape))
            << ": " << tally.cuts << " cuts, " << tally.chains << " chains, fewest "
-           << tally.coarsest << " of " << tally.triangles << " triangles, measured / promised "
-           << tally.nearest);
+           << tally.coarsest << " of " << tally.triangles << " triangles, vanished "
+           << tally.vanished << ", measured / promised " << tally.nearest);
     }
     CHECK(tally.coarser > 0);
     CHECK(tally.measured > 0);

@@ -31,6 +31,8 @@ class DagMaker {
       slots.push_back(slots_.at(unit.parents[origin.parent])[origin.slot]);
     }
     for (NodeIndex i = 0; i < c.nodes(); ++i) {
+      // Further numbers of a node that brings a crumb say nothing.
+      if (c.crumb(i) && c.hole(i).empty()) continue;
       const auto number = static_cast<int>(mt_.nodes.size());
       InMemoryMt::Node& node = mt_.nodes.emplace_back();
       node.code = c.error_codes[i];

@@ -25,8 +25,8 @@ using mtdb::testing::Build;
 using mtdb::testing::BuiltObject;
 using mtdb::testing::Extract;
 
-// No node removes a patch whole.
-constexpr CutCheckOptions kCutOptions{.patches_may_vanish = false};
+// What is smaller than the error vanishes whole.
+constexpr CutCheckOptions kCutOptions{.patches_may_vanish = true};
 
 // A square of n x n vertices on a lattice, all of whose faces have opposites, as programs write
 // that draw both sides.

@@ -53,6 +53,7 @@ const char* StreamTagName(StreamTag tag) {
     case StreamTag::kRootVertices: return "root_vertices";
     case StreamTag::kRootTriangles: return "root_triangles";
     case StreamTag::kTwoSided: return "two_sided";
+    case StreamTag::kCrumbs: return "crumbs";
     case StreamTag::kAttributes: return "attributes";
     case StreamTag::kPadding: return "padding";
   }

@@ -25,6 +25,7 @@ enum class StreamTag : uint8_t {
   kRootVertices = 0x86,
   kRootTriangles = 0x87,
   kTwoSided = 0x88,
+  kCrumbs = 0x89,
   kAttributes = 0x10,
   kPadding = 0x11,
 };

@@ -354,6 +354,12 @@ void BatchEncoder::Encode(const UpdateBatch& batch, const Follows& follows, Byte
     s_.cost.AddUpdates(holes);
     EncodeListed(batch, node);
   }
+  for (size_t i = 0; i < batch.crumbs.size(); ++i) {
+    if (!follows.empty() && !follows[batch.nodes.size() + i]) continue;
+    s_.MakeRoom(1, out);
+    s_.cost.AddUpdates(1);
+    EncodeCrumb(batch.insert, batch.crumbs[i]);
+  }
 }
 
 // Sets update_ to the ring, and to the triangles that the node removes.
@@ -381,14 +387,74 @@ void BatchEncoder::EncodeLists(const UpdateBatch& batch, const Node& node) {
   for (const uint32_t slot : hole.slot_span()) s_.coder.Raw(32, slot);
 }
 
-// An update whose triangles the client cannot find by walking: where edges are non-manifold.
-void BatchEncoder::EncodeListed(const UpdateBatch& batch, uint32_t first) {
+void BatchEncoder::BeginListed(bool insert) {
   ++listed_;
   s_.coder.Bit(s_.models.more, true);
   s_.coder.Bit(s_.models.other, true);
   s_.coder.Bit(s_.models.clip, false);
   if (s_.options.delaunay) s_.coder.Bit(s_.models.delaunay.ruled, false);
-  s_.coder.Bit(s_.models.insert, batch.insert);
+  s_.coder.Bit(s_.models.insert, insert);
+}
+
+uint32_t BatchEncoder::EncodeListedVertex(VertexIndex vertex, Vec3i position,
+                                          const std::byte* row) {
+  const uint32_t remembered = RememberedSlot(vertex);
+  s_.coder.Raw(32, remembered);
+  if (remembered != kNone32) {
+    s_.RecallVertex(remembered);
+    return remembered;
+  }
+  for (int i = 0; i < 3; ++i) s_.coder.Raw(32, static_cast<uint32_t>(position[i]));
+  for (size_t i = 0; i < s_.row_bytes; ++i) s_.coder.Raw(8, static_cast<uint32_t>(row[i]));
+  return s_.AddVertex(vertex, position, row);
+}
+
+// The client need not know of triangles that only get other keys.
+void BatchEncoder::EncodeCrumb(bool insert, const UpdateBatch::Crumb& crumb) {
+  BeginListed(insert);
+  s_.coder.Raw(5, 0);
+  if (insert) {
+    InsertCrumb(crumb);
+  } else {
+    slots_.clear();
+    s_.coder.Raw(6, static_cast<uint32_t>(crumb.keys.size()));
+    for (const TriangleKey key : crumb.keys) {
+      slots_.push_back(s_.TriangleOf(key));
+      s_.coder.Raw(32, slots_.back());
+      s_.EraseTriangle(slots_.back());
+      s_.cost.AddAttached();
+    }
+    std::vector<uint32_t> left_over;
+    s_.mesh.Drop(slots_, &left_over);
+    for (const uint32_t vertex : left_over) ForgetVertex(vertex, kNone32);
+  }
+  for (const UpdateBatch::Crumb::Renamed& renamed : crumb.renamed) {
+    const uint32_t slot = s_.TriangleOf(insert ? renamed.without : renamed.with);
+    s_.EraseTriangle(slot);
+    s_.PutTriangle(insert ? renamed.with : renamed.without, slot);
+  }
+}
+
+void BatchEncoder::InsertCrumb(const UpdateBatch::Crumb& crumb) {
+  s_.coder.Raw(7, static_cast<uint32_t>(crumb.vertices.size()));
+  for (size_t v = 0; v < crumb.vertices.size(); ++v) {
+    EncodeListedVertex(crumb.vertices[v], crumb.positions[v], crumb.rows.data() + v * s_.row_bytes);
+  }
+  s_.coder.Raw(6, static_cast<uint32_t>(crumb.triangles.size()));
+  for (size_t t = 0; t < crumb.triangles.size(); ++t) {
+    std::array<uint32_t, 3> corners;
+    for (size_t c = 0; c < 3; ++c) {
+      corners[c] = s_.VertexOf(crumb.triangles[t][c]);
+      s_.coder.Raw(32, corners[c]);
+    }
+    s_.cost.AddAttached();
+    s_.PutTriangle(crumb.keys[t], s_.mesh.Attach(corners));
+  }
+}
+
+// An update whose triangles the client cannot find by walking: where edges are non-manifold.
+void BatchEncoder::EncodeListed(const UpdateBatch& batch, uint32_t first) {
+  BeginListed(batch.insert);
   const auto nodes = std::span(batch.nodes).subspan(first, batch.EndOfUpdate(first) - first);
   const Node& node = nodes.front();
   s_.coder.Raw(5, static_cast<uint32_t>(nodes.size()));
@@ -404,14 +470,7 @@ void BatchEncoder::EncodeListed(const UpdateBatch& batch, uint32_t first) {
     ForgetVertex(vertex, nodes.size() > 1 ? kNone32 : FirstOfRing(update_));
     return;
   }
-  uint32_t vertex = RememberedSlot(node);
-  s_.coder.Raw(32, vertex);
-  if (vertex == kNone32) {
-    for (int i = 0; i < 3; ++i) s_.coder.Raw(32, static_cast<uint32_t>(node.position[i]));
-    const std::byte* row = RowOf(batch, node);
-    for (size_t i = 0; i < s_.row_bytes; ++i) s_.coder.Raw(8, static_cast<uint32_t>(row[i]));
-  }
-  vertex = PutVertex(batch, node, vertex);
+  const uint32_t vertex = EncodeListedVertex(node.vertex, node.position, RowOf(batch, node));
   for (const Node& n : nodes) {
     if (nodes.size() > 1) ListTriangles(batch, n);
     FinishInsertion(batch, n, update_, vertex);

@@ -13,7 +13,8 @@ namespace mtdb::internal {
 
 class BatchEncoder {
  public:
-  using Follows = std::vector<bool>;  // which nodes of a batch the client follows; empty: all
+  // Which nodes of a batch, then crumbs, the client follows; empty: all.
+  using Follows = std::vector<bool>;
 
   explicit BatchEncoder(SentStream& stream) : s_(stream) {}
 
@@ -55,13 +56,19 @@ class BatchEncoder {
   // An update of several holes is listed by its first node.
   void EncodeListed(const UpdateBatch& batch, uint32_t first);
   void EncodeLists(const UpdateBatch& batch, const Node& node);
+  void BeginListed(bool insert);
+  void EncodeCrumb(bool insert, const UpdateBatch::Crumb& crumb);
+  void InsertCrumb(const UpdateBatch::Crumb& crumb);
+  // Of a vertex that a listed insertion brings: which one it is, and what travels with it.
+  uint32_t EncodeListedVertex(VertexIndex vertex, Vec3i position, const std::byte* row);
   void ListTriangles(const UpdateBatch& batch, const Node& node);
   const std::byte* RowOf(const UpdateBatch& batch, const Node& node) const {
     return batch.rows.data() + static_cast<size_t>(&node - batch.nodes.data()) * s_.row_bytes;
   }
   // Which remembered vertex the node's is, or kNone32.
-  uint32_t RememberedSlot(const Node& node) const {
-    return s_.mesh.remembered().empty() ? kNone32 : s_.vertices.Find(node.vertex);
+  uint32_t RememberedSlot(const Node& node) const { return RememberedSlot(node.vertex); }
+  uint32_t RememberedSlot(VertexIndex vertex) const {
+    return s_.mesh.remembered().empty() ? kNone32 : s_.vertices.Find(vertex);
   }
   std::span<const uint32_t> HoleSlots(const Node& node) const {
     return std::span(hole_slots_).subspan(node.hole_begin, node.ring_count - 2);

@@ -32,6 +32,18 @@ void SetChange(UpdateChange& change, const UpdateBatch& batch, size_t first) {
   }
 }
 
+void SetCrumbChange(UpdateChange& change, bool insert, const UpdateBatch::Crumb& crumb) {
+  std::vector<TriangleKey>& with = insert ? change.created : change.removed;
+  std::vector<TriangleKey>& without = insert ? change.removed : change.created;
+  with = crumb.keys;
+  without.clear();
+  for (const UpdateBatch::Crumb::Renamed& renamed : crumb.renamed) {
+    without.push_back(renamed.without);
+    with.push_back(renamed.with);
+  }
+  change.corners.clear();
+}
+
 WholeCut::WholeCut(const ClientMeshOptions& options, const BaseMesh& base)
     : mesh_({options.grid, options.attributes, 0}, false), client_(base.triangles.size(), kNone32) {
   mesh_.Start({}, base.positions, base.rows, base.triangles);
@@ -52,7 +64,46 @@ void WholeCut::Unlink(uint32_t client_slot) {
   held.whole = kNone32;
 }
 
+uint32_t WholeCut::Take(TriangleKey key) {
+  const uint32_t slot = triangles_.Find(key);
+  MTDB_CHECK(slot != kNone32, "an update names a triangle that the cut does not have");
+  if (client_[slot] != kNone32) held_[client_[slot]].whole = kNone32;
+  client_[slot] = kNone32;
+  triangles_.Erase(slot);
+  return slot;
+}
+
+void WholeCut::Apply(bool insert, const UpdateBatch::Crumb& crumb) {
+  const size_t row_bytes = mesh_.options().attributes.row_bytes();
+  for (const UpdateBatch::Crumb::Renamed& renamed : crumb.renamed) {
+    const uint32_t slot = Take(insert ? renamed.without : renamed.with);
+    triangles_.Put(insert ? renamed.with : renamed.without, slot);
+  }
+  if (!insert) {
+    std::vector<uint32_t> slots, left_over;
+    for (const TriangleKey key : crumb.keys) slots.push_back(Take(key));
+    mesh_.Drop(slots, &left_over);
+    for (const uint32_t vertex : left_over) {
+      mesh_.Forget(vertex, kNone32);
+      vertices_.Erase(vertex);
+    }
+    return;
+  }
+  for (size_t v = 0; v < crumb.vertices.size(); ++v) {
+    vertices_.Put(crumb.vertices[v],
+                  mesh_.AddVertex(crumb.positions[v], crumb.rows.data() + v * row_bytes));
+  }
+  for (size_t t = 0; t < crumb.triangles.size(); ++t) {
+    std::array<uint32_t, 3> corners;
+    for (size_t c = 0; c < 3; ++c) corners[c] = vertices_.Find(crumb.triangles[t][c]);
+    const uint32_t slot = mesh_.Attach(corners);
+    client_.resize(mesh_.triangle_slots(), kNone32);
+    triangles_.Put(crumb.keys[t], slot);
+  }
+}
+
 void WholeCut::Apply(const UpdateBatch& batch) {
+  for (const UpdateBatch::Crumb& crumb : batch.crumbs) Apply(batch.insert, crumb);
   UpdateChange change;
   std::vector<uint32_t> removed;
   std::vector<uint32_t> slots;
@@ -66,14 +117,7 @@ void WholeCut::Apply(const UpdateBatch& batch) {
       vertices_.Put(node.vertex, vertex);
     }
     removed.clear();
-    for (const TriangleKey key : change.removed) {
-      const uint32_t slot = triangles_.Find(key);
-      MTDB_CHECK(slot != kNone32, "an update names a triangle that the cut does not have");
-      if (client_[slot] != kNone32) held_[client_[slot]].whole = kNone32;
-      client_[slot] = kNone32;
-      triangles_.Erase(slot);
-      removed.push_back(slot);
-    }
+    for (const TriangleKey key : change.removed) removed.push_back(Take(key));
     created.clear();
     for (const auto& corners : change.corners) {
       auto& c = created.emplace_back();
@@ -116,11 +160,18 @@ std::vector<std::vector<bool>> WholeCut::Plan(std::span<const UpdateBatch> batch
     const auto at = changed.find(key);
     return at == changed.end() ? held.Find(key) != kNone32 : at->second;
   };
+  // Of update i of a batch: of its nodes, then of its crumbs.
+  const auto set = [&](const UpdateBatch& batch, size_t i) {
+    const size_t nodes = batch.nodes.size();
+    if (i < nodes) return SetChange(change, batch, i);
+    SetCrumbChange(change, batch.insert, batch.crumbs[i - nodes]);
+  };
   std::vector<std::vector<bool>> plan;
   for (const UpdateBatch& batch : batches) {
-    std::vector<bool>& follows = plan.emplace_back(batch.nodes.size());
-    for (size_t i = 0; i < batch.nodes.size(); i = batch.EndOfUpdate(i)) {
-      SetChange(change, batch, i);
+    const size_t count = batch.nodes.size() + batch.crumbs.size();
+    std::vector<bool>& follows = plan.emplace_back(count);
+    for (size_t i = 0; i < count; i = i < batch.nodes.size() ? batch.EndOfUpdate(i) : i + 1) {
+      set(batch, i);
       follows[i] = std::all_of(change.removed.begin(), change.removed.end(), holds);
       if (!follows[i]) continue;
       for (const TriangleKey key : change.removed) changed[key] = false;
@@ -135,9 +186,9 @@ std::vector<std::vector<bool>> WholeCut::Plan(std::span<const UpdateBatch> batch
     return slot != kNone32 && chosen_[slot];
   };
   for (size_t b = batches.size(); b-- > 0;) {
-    for (size_t i = batches[b].nodes.size(); i-- > 0;) {
+    for (size_t i = plan[b].size(); i-- > 0;) {
       if (!plan[b][i]) continue;
-      SetChange(change, batches[b], i);
+      set(batches[b], i);
       plan[b][i] = std::any_of(change.created.begin(), change.created.end(), is_needed);
       if (!plan[b][i]) continue;
       for (const TriangleKey key : change.created) needed[key] = false;

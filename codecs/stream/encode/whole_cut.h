@@ -23,6 +23,8 @@ struct UpdateChange {
   std::vector<std::array<VertexIndex, 3>> corners;  // of `created`
 };
 void SetChange(UpdateChange& change, const UpdateBatch& batch, size_t first);
+// Likewise of a crumb, without the corners.
+void SetCrumbChange(UpdateChange& change, bool insert, const UpdateBatch::Crumb& crumb);
 
 class WholeCut {
  public:
@@ -50,13 +52,17 @@ class WholeCut {
   // True for the slots of triangles that meet the region. Asks for every triangle.
   void Choose(const MeetsRegion& region);
   bool chosen(uint32_t slot) const { return chosen_[slot]; }
-  // After that: per batch and node, whether the client is to follow the update. It can when it
-  // holds what is removed, and should when something of what is created is chosen in the end.
-  // `held`: what the client holds before the batches.
+  // After that: per batch and node, then crumb, whether the client is to follow the update. It can
+  // when it holds what is removed, and should when something of what is created is chosen in the
+  // end. `held`: what the client holds before the batches.
   std::vector<std::vector<bool>> Plan(std::span<const UpdateBatch> batches,
                                       const KeyTable& held) const;
 
  private:
+  void Apply(bool insert, const UpdateBatch::Crumb& crumb);
+  // The slot of a triangle that goes, or gets another key.
+  uint32_t Take(TriangleKey key);
+
   ReplayedMesh mesh_;  // remembers nothing
   KeyTable triangles_;
   KeyTable vertices_;

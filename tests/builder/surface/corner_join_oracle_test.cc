@@ -34,22 +34,23 @@ TileTriangle Rotated(TileTriangle t) {
       t.set_order(c, before.order((c + 1) % 3));
       t.set_fixed(c, before.fixed((c + 1) % 3));
       t.set_fan(c, before.fan((c + 1) % 3));
+      t.set_more_fans(c, before.more_fans((c + 1) % 3));
     }
   }
   return t;
 }
 
-// With the input's numbers of vertices. Those on chains have a number for each fan, behind the
+// With the input's numbers of vertices. Those with several fans have a number for each, behind the
 // input's, in the order of the vertices.
 TileTriangle Unfanned(TileTriangle t, const InputOracle& oracle) {
   for (uint32_t c = 0; c < 3; ++c) {
     if (t.vertices[c] < oracle.report.vertices) continue;
     const uint32_t seat = t.seat(c);
-    const auto chain = std::ranges::find_if(oracle.chains, [&](const auto& at) {
+    const auto fanned = std::ranges::find_if(oracle.fans, [&](const auto& at) {
       return oracle.FirstNumber(at.first) == seat && t.fan(c) < at.second;
     });
-    REQUIRE(chain != oracle.chains.end());
-    t.vertices[c] = static_cast<uint32_t>(chain->first);
+    REQUIRE(fanned != oracle.fans.end());
+    t.vertices[c] = static_cast<uint32_t>(fanned->first);
   }
   return t;
 }
@@ -63,6 +64,7 @@ TileTriangle TurnedOver(TileTriangle t) {
     t.positions[c] = before.positions[from];
     t.set_fixed(c, before.fixed(from));
     t.set_fan(c, before.fan(from));
+    t.set_more_fans(c, before.more_fans(from));
     t.set_order(c, before.order(2 - c));
   }
   return t;
