@@ -396,6 +396,7 @@ class Database(Mapping[str, Object]):
         bits: Optional[int] = None,
         step: Optional[float] = None,
         weld: Union[float, bool, None] = None,
+        orient: bool = False,
         normal_bits: Optional[int] = None,
         attribute_steps: Optional[Mapping[str, float]] = None,
         memory_bytes: int = 1 << 30,
@@ -421,6 +422,7 @@ class Database(Mapping[str, Object]):
         of `bits`, or of multiples of `step`. weld: joins vertices within that distance,
         0 or True those of equal positions; without, those of equal positions and attributes where
         the mesh was cut along edges; False keeps all as they are.
+        orient: turns triangles over where those of a sheet disagree about the outside, as few as possible.
         normal_bits, attribute_steps: what rounds normals and attributes. memory_bytes: at most so many bytes.
         terrain: the mesh is a height field, z above x and y: errors are differences in height.
         height_step: heights of rasters are rounded to its multiples (without: as in
@@ -432,7 +434,7 @@ class Database(Mapping[str, Object]):
         journal_path, resume: a file by which an ingest that was killed goes on.
         progress: True for a bar by tqdm, or a function of (stage, 0..1); False from it stops.
         """
-        Ingest(name, replace=replace, lossless=lossless, bits=bits, step=step, weld=weld,
+        Ingest(name, replace=replace, lossless=lossless, bits=bits, step=step, weld=weld, orient=orient,
                normal_bits=normal_bits, attribute_steps=attribute_steps, memory_bytes=memory_bytes,
                threads=threads, tmp_directory=tmp_directory, journal_path=journal_path,
                resume=resume, height_step=height_step, fill=fill, terrain=terrain,
@@ -570,8 +572,8 @@ class Ingest:
 
     def __init__(self, name: str, *, attribute_steps: Optional[Mapping[str, float]] = None,
                  bits: Optional[int] = None, step: Optional[float] = None,
-                 weld: Union[float, bool, None] = None, normal_bits: Optional[int] = None,
-                 replace: bool, lossless: bool = False, memory_bytes: int, threads: int,
+                 weld: Union[float, bool, None] = None, orient: bool = False,
+                 normal_bits: Optional[int] = None, replace: bool, lossless: bool = False, memory_bytes: int, threads: int,
                  tmp_directory: Optional[str], journal_path: Optional[str] = None,
                  resume: bool = False, height_step: Optional[float], fill: int,
                  terrain: bool = False, max_tmp_bytes: Optional[int],
@@ -591,6 +593,7 @@ class Ingest:
         self._options = L.IngestOptions(
             replace=int(replace), lossless=int(lossless), bits=bits or 0, step=step or 0.0,
             weld=0 if weld is None else -1 if weld is False else 1,
+            orient=int(orient),
             weld_distance=0.0 if weld is None or isinstance(weld, bool) else weld, normal_bits=normal_bits or 0,
             attribute_steps=self._steps, attribute_step_count=len(listed), threads=threads, memory_bytes=memory_bytes,
             tmp_directory=None if tmp_directory is None else L.path_bytes(tmp_directory),
