@@ -64,6 +64,10 @@ struct BuildOptions {
   // such has two opposed triangles, that do not lie back to back (builder/intake/seam_join.h). This
   // keeps the vertices as they are.
   bool keep_apart = false;
+  // Makes sheets consistent: what hangs together across edges of two triangles gets the orientation
+  // that most of its triangles have (builder/surface/sheet_sides.h). Two-sided triangles stay as
+  // they are, and so do sheets that have one side only. Normals stay, too. Not for rasters.
+  bool orient = false;
   // When set, 4..16: rounds normals. nx, ny, nz (float32, side by side) keep their direction, with
   // this many bits for each of its two coordinates on the octahedron. Attributes that neither this
   // nor attribute_steps names are lossless.

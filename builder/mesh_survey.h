@@ -43,6 +43,14 @@ struct FarVertices {
 // "3 of the 3601 vertices lie far off the others (... to ...): the first is vertex 3598 ...".
 std::string FarVerticesText(const FarVertices& far);
 
+// How triangles agree about the outside. A sheet is what hangs together across edges of two
+// triangles (builder/surface/sheet_links.h).
+struct SheetReport {
+  uint64_t inconsistent_edges = 0;   // of two triangles that run along it in the same direction
+  uint64_t unorientable_sheets = 0;  // have one side only, as a Moebius band
+  uint64_t turned_triangles = 0;     // that BuildOptions::orient turns over, or would
+};
+
 // What a mesh is like before it is built, and what its grid does to it.
 struct MeshSurvey {
   MeshHeader header;             // attributes as they are stored
@@ -58,6 +66,8 @@ struct MeshSurvey {
   Box3d bounds;                 // of the vertices that triangles use
   EdgeLengths edges;            // without edges of length 0
   std::optional<uint64_t> components;  // SurveyMesh() only
+  SheetReport sheets;
+  bool oriented = false;  // BuildOptions::orient
   Grid grid;
   uint8_t bits = 0;
   GridReason reason = GridReason::kGiven;

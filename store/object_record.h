@@ -31,8 +31,14 @@ struct InputReport {
   uint64_t two_sided_triangles = 0;
   // Of more than two triangles, or of two that disagree about the surface's outside.
   uint64_t nonmanifold_edges = 0;
+  // Of them, those of two triangles that run along them in the same direction; with
+  // BuildOptions::orient, what is left of these.
+  uint64_t inconsistent_edges = 0;
   // Kept, never simplified: where chains of such edges end or meet, or parts of the surface touch.
   uint64_t nonmanifold_vertices = 0;
+  // A sheet is what hangs together across edges of two triangles.
+  uint64_t turned_triangles = 0;     // turned over by BuildOptions::orient; repeated ones, too
+  uint64_t unorientable_sheets = 0;  // have one side only, as a Moebius band
   friend bool operator==(const InputReport&, const InputReport&) = default;
 };
 

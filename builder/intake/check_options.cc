@@ -52,6 +52,9 @@ Status CheckBuildOptions(const BuildOptions& options) {
   if (options.weld && !(*options.weld >= 0 && std::isfinite(*options.weld))) {
     return InvalidArgument("weld: must be a number of model units, 0 or more");
   }
+  if (options.terrain && options.orient) {
+    return InvalidArgument("orient: a raster's triangles all look up");
+  }
   const bool placed = options.bits || options.step || options.weld;
   if (options.terrain && (placed || options.mode != PositionMode::kGrid)) {
     return InvalidArgument(

@@ -4,6 +4,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 
 #include "builder/disk/spool.h"
 #include "builder/intake/decimals.h"
@@ -46,8 +47,9 @@ class InputMesh {
   const Spool& triangle_spool() const { return triangle_spool_; }
   static constexpr size_t kTriangleBytes = 12;
 
-  // Turns all triangles over.
-  Status TurnOver(const SpoolSpace* space, size_t memory_bytes);
+  // Turns triangles over: those of which `turned` says so, which is asked in their order.
+  Status TurnOver(const SpoolSpace* space, size_t memory_bytes,
+                  const std::function<Result<bool>()>& turned);
   // Each once, when they are not read again: their room on the disk goes back.
   void DropVertices() { vertex_spool_ = Spool(nullptr, 0); }
   SpoolReader TakeTriangles() { return SpoolReader::Consuming(&triangle_spool_); }

@@ -15,6 +15,7 @@
 #include "builder/intake/read_mesh.h"
 #include "builder/surface/corner_join.h"
 #include "builder/surface/height_field.h"
+#include "builder/surface/orient_sheets.h"
 #include "store/base/bytes.h"
 #include "store/base/hash.h"
 #include "store/base/surface_digest.h"
@@ -92,6 +93,11 @@ Result<ReadResult> Read(const MeshProducer& produce, const BuildContext& build, 
     MTDB_RETURN_IF_ERROR(ChooseGrid(input, options, &build.space, memory, &survey));
     MTDB_RETURN_IF_ERROR(survey.refusal);
   }
+  if (options.orient) {
+    survey.oriented = true;
+    MTDB_ASSIGN_OR_RETURN(survey.sheets, OrientSheets(&input, &build.space, memory));
+    MTDB_RETURN_IF_ERROR(look());
+  }
   if (options.height_field) {
     MTDB_ASSIGN_OR_RETURN(read.steepest,
                           MakeFacesLookUp(options, &build.space, memory, &input, &survey));
@@ -168,7 +174,8 @@ Result<JoinResult> Join(const BuildContext& build, const ReadResult& read, const
         {"join", 0, taken, input.triangles(), kReadShare + kJoinShare * (0.5 + 0.5 * part)});
   };
   // The sorter's half is free until the first triangle is received.
-  const JoinOptions join{&build.space, plan.spool_bytes / 4, plan.spool_bytes / 2, plan.threads};
+  const JoinOptions join{&build.space, plan.spool_bytes / 4, plan.spool_bytes / 2, plan.threads,
+                         options.orient};
   const size_t ahead = plan.threads <= 1 ? 1 : 3 * size_t{plan.threads};
   const auto receive = [&](TriangleBlock block) {
     if (!result.level) {
@@ -207,6 +214,9 @@ ObjectRecord RecordOf(const BuildOptions& options, const ReadResult& read, const
   record.input.two_sided_triangles = totals.two_sided_triangles;
   record.input.nonmanifold_edges = totals.nonmanifold_edges;
   record.input.nonmanifold_vertices = totals.nonmanifold_vertices;
+  record.input.inconsistent_edges = totals.inconsistent_edges;
+  record.input.unorientable_sheets = read.survey.sheets.unorientable_sheets;
+  if (options.orient) record.input.turned_triangles = read.survey.sheets.turned_triangles;
   record.rounding_error = totals.rounding_error + input.rounding();
   // A vertex that moved aside changes heights by as much as the surface is steep.
   if (options.height_field) record.rounding_error *= std::hypot(1, read.steepest);
@@ -273,6 +283,7 @@ uint64_t HashOf(const BuildOptions& options) {
   }
   if (options.terrain) w.Put(static_cast<uint8_t>(options.terrain->triangulation));
   if (options.height_field) w.PutString("height field");
+  if (options.orient) w.PutString("orient");
   for (const uint32_t n : {options.degree_limit, options.tile_triangles, options.reduction}) {
     w.Put(n);
   }
@@ -307,6 +318,7 @@ Result<IntakeResult> TakeIn(const MeshProducer& produce, const BuildContext& bui
   MTDB_ASSIGN_OR_RETURN(ReadResult read, Read(produce, build, input));
   const RoundCurve curve = read.curves.Curve(1);
   MTDB_ASSIGN_OR_RETURN(JoinResult joined, Join(build, read, curve, input));
+  if (!build.options.orient) read.survey.sheets = joined.totals.sheets;
   ObjectRecord record = RecordOf(build.options, read, input, joined);
   record.error_measure = decimator.measure();
   const std::optional<BorderPlane> border = BorderOf(record);

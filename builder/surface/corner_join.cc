@@ -6,6 +6,7 @@
 
 #include "builder/disk/packed_numbers.h"
 #include "builder/disk/parallel.h"
+#include "builder/surface/orient_sheets.h"
 #include "builder/surface/sheet_orientation.h"
 
 namespace mtdb::internal {
@@ -156,11 +157,12 @@ class Link {
   struct Counts {
     uint64_t duplicates = 0;
     uint64_t two_sided = 0;
-    uint64_t edges = 0;              // to a larger vertex
-    uint64_t border_edges = 0;       // running away from the vertex
-    uint64_t nonmanifold_edges = 0;  // to a larger vertex
-    bool stays = false;              // whatever the error
-    uint32_t fans = 0;               // 2 .. kMostOrder, when it has so many
+    uint64_t edges = 0;               // to a larger vertex
+    uint64_t border_edges = 0;        // running away from the vertex
+    uint64_t nonmanifold_edges = 0;   // to a larger vertex
+    uint64_t inconsistent_edges = 0;  // likewise
+    bool stays = false;               // whatever the error
+    uint32_t fans = 0;                // 2 .. kMostOrder, when it has so many
   };
   // `places` index `corners` in the input's order; sets their `flags`.
   // Appends to `turns` what it finds about two-sided triangles.
@@ -189,6 +191,7 @@ class Link {
       creases += n.order() != 0;
       known &= n.order() <= kMostOrder;
       counts.nonmanifold_edges += n.order() > 1 && v < n.vertex;
+      counts.inconsistent_edges += n.disagree() && v < n.vertex;
     }
     counts.stays = !FindFans(creases) || !known;
     if (fans_ > 1 && fans_ <= kMostOrder) counts.fans = fans_;
@@ -214,6 +217,7 @@ class Link {
     uint32_t uses() const { return out + in + two_sided; }
     bool inside_two_sided() const { return two_sided == 2 && uses() == 2; }
     bool inside() const { return out == 1 && in == 1 && uses() == 2; }
+    bool disagree() const { return (out == 2 || in == 2) && uses() == 2; }
     uint32_t order() const { return inside() || inside_two_sided() ? 0 : uses(); }
   };
   // True when the edges, in any order, are one cycle: most vertices. A walk that returns to its
@@ -440,10 +444,16 @@ class Join {
       totals_.edges += part.edges;
       totals_.boundary_edges += part.boundary_edges;
       totals_.nonmanifold_edges += part.nonmanifold_edges;
+      totals_.inconsistent_edges += part.inconsistent_edges;
       totals_.nonmanifold_vertices += part.nonmanifold_vertices;
       totals_.rounding_error = std::max(totals_.rounding_error, part.rounding_error);
     }
     input_.DropVertices();
+    workers.clear();
+    if (totals_.inconsistent_edges > 0 && !options_.sheets_known) {
+      MTDB_ASSIGN_OR_RETURN(totals_.sheets, CountSheets(input_.triangle_spool(), input_.vertices(),
+                                                        options_.space, options_.table_bytes));
+    }
     MTDB_RETURN_IF_ERROR(NumberFans());
     return Collect(receive);
   }
@@ -507,6 +517,7 @@ class Join {
       w.totals.edges += counts.edges;
       w.totals.boundary_edges += counts.border_edges;
       w.totals.nonmanifold_edges += counts.nonmanifold_edges;
+      w.totals.inconsistent_edges += counts.inconsistent_edges;
       w.totals.nonmanifold_vertices += counts.stays;
       w.numbers[v] = w.fans;
       w.fans += counts.fans;

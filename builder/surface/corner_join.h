@@ -7,6 +7,7 @@
 
 #include "builder/disk/tile.h"
 #include "builder/intake/input_mesh.h"
+#include "builder/mesh_survey.h"
 #include "store/base/grid.h"
 #include "store/base/status.h"
 #include "store/object_record.h"
@@ -22,6 +23,8 @@ struct JoinTotals {
   uint64_t unreferenced_vertices = 0;
   uint64_t duplicate_triangles = 0;
   uint64_t nonmanifold_edges = 0;
+  uint64_t inconsistent_edges = 0;  // of them: of two triangles that run in the same direction
+  SheetReport sheets;               // when there are such, unless they are known
   uint64_t nonmanifold_vertices = 0;
   double rounding_error = 0;  // see ObjectRecord
 };
@@ -31,6 +34,7 @@ struct JoinOptions {
   size_t memory_bytes = 0;  // for spools
   size_t table_bytes = 0;   // for the tables of the ranges at work; at least 1 MiB is taken
   unsigned threads = 1;
+  bool sheets_known = false;
 };
 
 // Vertices are cut into ranges of numbers that fit the memory. A first pass over the triangles

@@ -106,7 +106,10 @@ Result<double> MakeFacesLookUp(const BuildOptions& options, const SpoolSpace* sp
     MTDB_ASSIGN_OR_RETURN(faces, LookAtFaces(*input, survey->grid, space, memory_bytes));
   }
   if (faces.rounding) return FoldedByGrid(survey->grid);
-  if (faces.down) MTDB_RETURN_IF_ERROR(input->TurnOver(space, memory_bytes / 8));
+  if (faces.down) {
+    MTDB_RETURN_IF_ERROR(
+        input->TurnOver(space, memory_bytes / 8, [] { return Result<bool>(true); }));
+  }
   return faces.steepest;
 }
 

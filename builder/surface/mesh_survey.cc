@@ -8,6 +8,7 @@
 #include "builder/intake/grid_choice.h"
 #include "builder/intake/read_mesh.h"
 #include "builder/surface/height_field.h"
+#include "builder/surface/orient_sheets.h"
 #include "store/base/out_of_memory.h"
 
 namespace mtdb {
@@ -34,6 +35,12 @@ Result<uint64_t> CountComponents(const InputMesh& input) {
   return count;
 }
 
+Result<SheetReport> LookAtSheets(const BuildOptions& options, const SpoolSpace* space,
+                                 size_t memory_bytes, InputMesh* input) {
+  if (options.orient) return OrientSheets(input, space, memory_bytes);
+  return CountSheets(input->triangle_spool(), input->vertices(), space, memory_bytes);
+}
+
 Result<MeshSurvey> Survey(const MeshProducer& produce, const BuildOptions& options) {
   SpoolSpace space;
   space.directory = options.tmp_directory;
@@ -45,8 +52,10 @@ Result<MeshSurvey> Survey(const MeshProducer& produce, const BuildOptions& optio
   if (input.vertices() * sizeof(uint32_t) <= plan.spool_bytes / 2) {
     MTDB_ASSIGN_OR_RETURN(survey.components, CountComponents(input));
   }
+  const uint64_t memory = plan.spool_bytes;
+  survey.oriented = options.orient;
+  MTDB_ASSIGN_OR_RETURN(survey.sheets, LookAtSheets(options, &space, memory / 2, &input));
   if (options.height_field && survey.refusal.ok()) {
-    const uint64_t memory = plan.spool_bytes;
     MTDB_RETURN_IF_ERROR(MakeFacesLookUp(options, &space, memory / 2, &input, &survey).status());
     const JoinOptions join{&space, memory / 4, memory / 2, plan.threads};
     MTDB_RETURN_IF_ERROR(CheckHeights(input, survey.grid, join, memory / 4));

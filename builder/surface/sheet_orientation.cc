@@ -22,39 +22,24 @@ uint32_t SheetOrientation::NumberOf(uint64_t key) {
       numbers_.Find(HashOfNumber(key), [&](uint32_t n) { return members_[n].key == key; });
   if (number == kNone32) {
     number = static_cast<uint32_t>(members_.size());
-    members_.push_back({key, number, false, false});
+    members_.push_back({key, false});
+    sets_.Add();
   }
   return number;
 }
 
-SheetOrientation::Place SheetOrientation::Find(uint32_t member) const {
-  Place place{member, false};
-  while (members_[place.first].parent != place.first) {
-    place.turned ^= members_[place.first].turned;
-    place.first = members_[place.first].parent;
-  }
-  return place;
-}
-
 void SheetOrientation::Join(const SheetTurn& turn) {
-  const uint32_t numbers[2] = {NumberOf(turn.a), NumberOf(turn.b)};
-  const Place places[2] = {Find(numbers[0]), Find(numbers[1])};
-  for (size_t i = 0; i < 2; ++i) {  // later ones find them at once
-    Member& member = members_[numbers[i]];
-    if (numbers[i] == places[i].first) continue;
-    member.parent = places[i].first;
-    member.turned = places[i].turned;
-  }
-  const bool turned = places[0].turned != places[1].turned;
-  uint32_t first = places[0].first;
-  uint32_t second = places[1].first;
+  const ParitySets::Place a = sets_.Find(NumberOf(turn.a));
+  const ParitySets::Place b = sets_.Find(NumberOf(turn.b));
+  const bool turned = (a.turned != b.turned) != turn.turned;
+  uint32_t first = a.first;
+  uint32_t second = b.first;
   if (first == second) {
-    members_[first].one_sided |= turned != turn.turned;
+    members_[first].one_sided |= turned;
     return;
   }
   if (members_[second].key < members_[first].key) std::swap(first, second);
-  members_[second].parent = first;
-  members_[second].turned = turned != turn.turned;
+  sets_.Join(first, second, turned);
   members_[first].one_sided |= members_[second].one_sided;
 }
 
@@ -70,13 +55,13 @@ void SheetOrientation::Add(std::span<const SheetTurn> turns) {
   }
 }
 
-bool SheetOrientation::Turned(const std::array<uint32_t, 3>& vertices) const {
+bool SheetOrientation::Turned(const std::array<uint32_t, 3>& vertices) {
   if (too_many_ || members_.empty()) return false;
   const uint64_t key = KeyOf(vertices[0], vertices[1], vertices[2]);
   const uint32_t number =
       numbers_.Find(HashOfNumber(key), [&](uint32_t n) { return members_[n].key == key; });
   if (number == kNone32) return false;
-  const Place place = Find(number);
+  const ParitySets::Place place = sets_.Find(number);
   return place.turned && !members_[place.first].one_sided;
 }
 

@@ -9,6 +9,7 @@
 #include <span>
 #include <vector>
 
+#include "builder/disk/parity_sets.h"
 #include "store/base/ids.h"
 #include "store/base/open_table.h"
 
@@ -26,7 +27,7 @@ struct SheetTurn {
 // strip, stays as it came: the edges at which it runs against itself keep their ends for ever. So
 // do all sheets where the memory does not suffice.
 //
-// Safe for several threads.
+// Add() is safe for several threads.
 class SheetOrientation {
  public:
   // About so much memory is taken at most.
@@ -37,28 +38,22 @@ class SheetOrientation {
 
   void Add(std::span<const SheetTurn> turns);
   // When all are added.
-  bool Turned(const std::array<uint32_t, 3>& vertices) const;
+  bool Turned(const std::array<uint32_t, 3>& vertices);
 
  private:
   static constexpr size_t kBytesEach = 32;
   static constexpr size_t kFew = 1 << 16;
   struct Member {
     uint64_t key = 0;
-    uint32_t parent = 0;
-    bool turned = false;     // against its parent
     bool one_sided = false;  // of a sheet's first member
   };
-  struct Place {
-    uint32_t first = 0;  // of the sheet
-    bool turned = false;
-  };
   uint32_t NumberOf(uint64_t key);
-  Place Find(uint32_t member) const;
   void Join(const SheetTurn& turn);
 
   const size_t most_;
   std::mutex mutex_;
   std::vector<Member> members_;
+  ParitySets sets_;              // of their numbers
   OpenTable<uint32_t> numbers_;  // by keys
   bool too_many_ = false;
 };

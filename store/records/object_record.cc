@@ -32,6 +32,7 @@ enum Tag : uint8_t {
   kRaster = 0x8b,
   kView = 0x0c,
   kSheets = 0x8d,
+  kOrientation = 0x0e,
 };
 constexpr uint16_t kSections = 10;  // of every object
 
@@ -375,6 +376,20 @@ ByteWriter PutSheets(const ObjectRecord& o) {
 }
 void GetSheets(RecordReader* r, ObjectRecord* o) { o->input.two_sided_triangles = r->Get64(); }
 
+ByteWriter PutOrientation(const ObjectRecord& o) {
+  ByteWriter w;
+  for (const uint64_t v :
+       {o.input.inconsistent_edges, o.input.turned_triangles, o.input.unorientable_sheets}) {
+    w.PutVarint(v);
+  }
+  return w;
+}
+void GetOrientation(RecordReader* r, ObjectRecord* o) {
+  o->input.inconsistent_edges = r->Get64();
+  o->input.turned_triangles = r->Get64();
+  o->input.unorientable_sheets = r->Get64();
+}
+
 struct SectionCodec {
   Tag tag;
   ByteWriter (*put)(const ObjectRecord&);
@@ -397,7 +412,8 @@ constexpr SectionCodec kCodecs[kSections] = {
 // Sections that not every object has, behind the others.
 constexpr std::array kMoreCodecs = {SectionCodec{kRaster, PutRaster, GetRaster},
                                     SectionCodec{kView, PutView, GetView},
-                                    SectionCodec{kSheets, PutSheets, GetSheets}};
+                                    SectionCodec{kSheets, PutSheets, GetSheets},
+                                    SectionCodec{kOrientation, PutOrientation, GetOrientation}};
 
 }  // namespace
 
@@ -418,12 +434,16 @@ Bytes EncodeObjectRecord(const ObjectRecord& record) {
   w.Put(kRecordVersion);
   w.Put(uint16_t{0});
   const bool sheets = record.input.two_sided_triangles != 0;
+  const bool orientation = record.input.inconsistent_edges != 0 ||
+                           record.input.turned_triangles != 0 ||
+                           record.input.unorientable_sheets != 0;
   w.Put(static_cast<uint16_t>(kSections + (record.raster ? 1 : 0) + (record.up ? 1 : 0) +
-                              (sheets ? 1 : 0)));
+                              (sheets ? 1 : 0) + (orientation ? 1 : 0)));
   for (const SectionCodec& codec : kCodecs) PutSection(codec.tag, codec.put(record), &w);
   if (record.raster) PutSection(kRaster, PutRaster(record), &w);
   if (record.up) PutSection(kView, PutView(record), &w);
   if (sheets) PutSection(kSheets, PutSheets(record), &w);
+  if (orientation) PutSection(kOrientation, PutOrientation(record), &w);
   return w.Take();
 }
 

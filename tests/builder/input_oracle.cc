@@ -43,6 +43,7 @@ InputOracle::InputOracle(const std::vector<TriangleVertices>& input, uint64_t ve
   for (const auto& [edge, u] : uses) {
     if (IsManifold(edge)) continue;
     ++report.nonmanifold_edges;
+    report.inconsistent_edges += u == std::vector<int>{1, 1} || u == std::vector<int>{-1, -1};
     fixed.insert(edge.first);
     fixed.insert(edge.second);
   }

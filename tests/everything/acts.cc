@@ -627,6 +627,7 @@ int LibraryIngestMain(int count, char** arguments) {
     if (key == "--lossless") options.mode = PositionMode::kLossless;
     if (key == "--weld") options.weld = std::strtod(value.c_str(), nullptr);
     if (key == "--no-weld") options.keep_apart = true;
+    if (key == "--orient") options.orient = true;
     if (key == "--normal-bits") options.normal_bits = static_cast<int>(number());
     if (key == "--attribute-step") {
       const size_t split = value.rfind('=');

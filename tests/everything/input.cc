@@ -14,6 +14,7 @@
 #include "tests/everything/input_files.h"
 #include "tests/support/cut_mesh.h"
 #include "tests/support/mesh_changes.h"
+#include "tests/support/oriented_mesh.h"
 
 namespace mtdb::everything {
 
@@ -190,6 +191,13 @@ void Spoil(const Step& step, TriangleMesh* mesh) {
   if (step.Flag("twins") && count > 8) {
     for (size_t v = 1; v < count; v += 7) mesh->positions[v] = mesh->positions[v - 1];
   }
+  if (step.has("flipped")) {
+    std::mt19937_64 random(mesh->triangles.size());
+    const double part = std::clamp(step.Number("flipped", 0), 0.0, 1.0);
+    for (TriangleVertices& t : mesh->triangles) {
+      if (static_cast<double>(random() >> 11) * 0x1p-53 < part) std::swap(t[0], t[1]);
+    }
+  }
   if (step.Flag("spoilt")) {
     const TriangleVertices t = mesh->triangles[mesh->triangles.size() / 2];
     mesh->triangles.push_back({t[1], t[2], t[0]});
@@ -331,8 +339,9 @@ std::vector<std::string> AttributeKinds() {
 }
 
 Truth MakeTruth(const std::vector<TriangleMesh>& parts, const std::vector<bool>& soup,
-                std::optional<double> weld, bool keep_apart) {
+                std::optional<double> weld, bool keep_apart, bool orient) {
   Truth truth;
+  truth.orient = orient;
   truth.keep_apart = keep_apart;
   TriangleMesh& mesh = truth.mesh;
   mesh.header.attributes = parts[0].header.attributes;
@@ -358,6 +367,12 @@ Truth MakeTruth(const std::vector<TriangleMesh>& parts, const std::vector<bool>&
     gone = Weld(*weld, &truth);
   } else if (!keep_apart && !all_soup) {
     gone = Join(&truth);
+  }
+  if (orient) {
+    const auto oriented = mtdb::testing::OrientByDefinition(mesh.triangles);
+    mtdb::testing::TurnOver(oriented, &mesh.triangles);
+    truth.report.turned_triangles = oriented.turned_triangles;
+    truth.report.unorientable_sheets = oriented.unorientable_sheets;
   }
   // Degenerate and duplicate triangles are none.
   std::set<TriangleVertices> seen;
@@ -497,7 +512,7 @@ Input MakeInput(const Step& step, const std::string& folder) {
   }
   // Attributes that are rounded may agree when those of the files do not.
   const bool keep_apart = !weld && (step.Flag("apart") || step.has("normals") || step.has("round"));
-  input.truth = MakeTruth(parts, soup, weld, keep_apart);
+  input.truth = MakeTruth(parts, soup, weld, keep_apart, step.Flag("orient"));
   // Text does not say whether its numbers are float32; what may be is taken for it.
   const auto meant = [](Vec3d p) {
     return IsTextOfFloat(p.x) && IsTextOfFloat(p.y) && IsTextOfFloat(p.z);
@@ -505,7 +520,7 @@ Input MakeInput(const Step& step, const std::string& folder) {
   if (step.Flag("lossless") && !input.truth.fits_float && text && !says_double &&
       std::ranges::all_of(input.truth.mesh.positions, meant)) {
     for (TriangleMesh& part : parts) mtdb::testing::RoundToFloat32(&part);
-    input.truth = MakeTruth(parts, soup, weld, keep_apart);
+    input.truth = MakeTruth(parts, soup, weld, keep_apart, step.Flag("orient"));
   }
   return input;
 }

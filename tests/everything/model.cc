@@ -117,6 +117,7 @@ std::vector<std::string> StoredObject::Options() const {
   }
   if (truth.weld) options.push_back("--weld=" + NumberText(*truth.weld));
   if (truth.keep_apart) options.emplace_back("--no-weld");
+  if (truth.orient) options.emplace_back("--orient");
   if (normal_bits > 0) options.push_back("--normal-bits=" + std::to_string(normal_bits));
   for (const VertexAttribute& a : truth.mesh.header.attributes.attributes) {
     if (round > 0 && IsRounded(a)) {
@@ -191,6 +192,10 @@ std::string Settle(const ObjectRecord& record, StoredObject* object) {
         same(in.triangles, truth.report.triangles, "input triangles"),
         same(in.degenerate_triangles, truth.report.degenerate_triangles, "degenerate triangles"),
         same(in.duplicate_triangles, truth.report.duplicate_triangles, "duplicate triangles"),
+        same(in.turned_triangles, truth.report.turned_triangles, "turned triangles"),
+        truth.orient
+            ? same(in.unorientable_sheets, truth.report.unorientable_sheets, "unorientable sheets")
+            : "",
         same(in.two_sided_triangles, truth.report.two_sided_triangles, "two-sided triangles"),
         same(in.unreferenced_vertices, truth.report.unreferenced_vertices, "unused vertices"),
         same(record.triangles, truth.mesh.triangles.size(), "triangles"),

@@ -244,6 +244,8 @@ class Maker {
     if (Chance(0.2)) step->Set("weld", Chance(0.4) ? "0" : Short(Scaled(1e-6, 0.03)));
     if (Chance(0.2)) step->Set("cut", Chance(0.5) ? "1" : Short(Scaled(0.01, 0.5)));
     if (Chance(0.08)) step->Set("apart", 1);
+    if (Chance(0.12)) step->Set("flipped", Short(Scaled(0.001, 0.9)));
+    if (Chance(0.15)) step->Set("orient", 1);
     if (Chance(0.06)) step->Set("far", Short(Scaled(1e2, 1e9)));
   }
 

@@ -73,6 +73,7 @@ def test_answers_are_those_of_the_command_line(
         assert report["error_bound"] == mesh.error_bound
 
 
+@pytest.mark.filterwarnings("ignore::mtdb.RegionMissed")
 def test_arguments_are_queries(db: mtdb.Database) -> None:
     hill = db["hills"]
     camera = {"eye": [30, -20, 30], "target": [30, 30, 0], "fov": 40, "viewport": [640, 480]}

@@ -135,6 +135,30 @@ static void check_up_and_units(mtdb_database* database) {
         mtdb_ingest_arrays(database, "no", &input, &options, NULL, &error));
 }
 
+/* Three triangles in a row, of which the middle one looks the other way. */
+static void check_orient(mtdb_database* database) {
+  static const double kPositions[] = {0, 0, 0, 1, 0, 0, 0, 1, 0, 1, 1, 0, 0, 2, 0};
+  static const uint32_t kIndices[] = {0, 1, 2, 1, 2, 3, 2, 3, 4};
+  mtdb_input input;
+  mtdb_ingest_options options;
+  mtdb_object* object = NULL;
+  mtdb_json* json = NULL;
+  MTDB_INIT(input);
+  MTDB_INIT(options);
+  input.vertices = 5;
+  input.positions = kPositions;
+  input.triangles = 3;
+  input.indices = kIndices;
+  options.orient = 1;
+  OK(mtdb_ingest_arrays(database, "row", &input, &options, NULL, &error));
+  OK(mtdb_open_object(database, "row", NULL, &object, &error));
+  OK(mtdb_get_object_json(object, &json, &error));
+  CHECK(strstr(mtdb_get_json_text(json), "\"turned_triangles\":1") != NULL);
+  mtdb_free_json(json);
+  mtdb_free_object(object);
+  OK(mtdb_remove_object(database, "row", &error));
+}
+
 /* Arguments that make no sense. */
 static void check_wrong_input(mtdb_database* database) {
   mtdb_input input = whole();
@@ -755,6 +779,7 @@ int main(int argc, char** argv) {
   OK(mtdb_open_writable(path(store, "a.mtdb"), &database, &error));
   check_ingest(database);
   check_up_and_units(database);
+  check_orient(database);
   check_wrong_input(database);
   check_objects(database);
   OK(mtdb_open_object(database, "a", NULL, &object, &error));

@@ -69,7 +69,7 @@ typedef struct mtdb_ingest_options {
   int resume;                /* not 0: goes on with the journal, if there is one of this input */
   double height_step; /* rasters: heights are rounded to its multiples; 0: the step of the raster,
                          or one that suits it (mtdb_terrain.h). Rasters take no bits, step,
-                         lossless, weld, normal_bits and attribute_steps */
+                         lossless, weld, orient, normal_bits and attribute_steps */
   int terrain;   /* not 0: the mesh is a height field, z above x and y, and becomes a terrain, with
                     vertical errors; MTDB_BAD_INPUT with the place where it is folded */
   uint32_t fill; /* rasters: closes holes of up to so many columns and rows; 0: none */
@@ -78,6 +78,9 @@ typedef struct mtdb_ingest_options {
   double up[3]; /* what is up, of any length; 0 0 0: found from the shape (terrains: z). Who draws
                    the object goes by it */
   const char* units; /* of lengths: "um", "mm", "cm", "m", "km", "in" or "ft"; NULL: not said */
+  int orient; /* not 0: turns triangles over where those of a sheet disagree about the outside, as
+                 few as possible; a sheet hangs together across edges of two triangles. Not of
+                 rasters */
 } mtdb_ingest_options;
 
 /* A mesh in the caller's arrays, which are read during the call. */

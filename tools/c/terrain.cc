@@ -88,11 +88,11 @@ Status IngestOpened(mtdb_database* database, const char* name,
                     const mtdb_ingest_options* options, const mtdb_watch* watch) {
   MTDB_ASSIGN_OR_RETURN(const mtdb_ingest_options given, Take(options, "options"));
   if (given.bits != 0 || given.step != 0 || given.lossless != 0 || given.weld != 0 ||
-      given.normal_bits != 0 || given.attribute_step_count != 0) {
+      given.orient != 0 || given.normal_bits != 0 || given.attribute_step_count != 0) {
     return InvalidArgument(
-        "options: bits, step, lossless, weld, normal_bits and attribute_steps are for meshes; a "
-        "raster's "
-        "samples lie where they are, and height_step says to which multiples heights are rounded");
+        "options: bits, step, lossless, weld, orient, normal_bits and attribute_steps are for "
+        "meshes; a raster's samples lie where they are, and height_step says to which multiples "
+        "heights are rounded");
   }
   std::optional<double> step;
   if (given.height_step != 0) {

@@ -51,6 +51,7 @@ Result<BuildOptions> OptionsOf(const mtdb_ingest_options& o, const std::string& 
   if (o.step != 0) options.step = o.step;
   if (o.weld > 0) options.weld = o.weld_distance;
   options.keep_apart = o.weld < 0;
+  options.orient = o.orient != 0;
   if (o.normal_bits > 16) {
     return InvalidArgument("options.normal_bits: expected 4 to 16, found " +
                            std::to_string(o.normal_bits));

@@ -81,6 +81,12 @@ std::vector<std::string> AccuracyWarnings(const MeshSurvey& s) {
                   "cut there, and the cuts are never simplified; --weld would join them",
                   Grouped(s.equal_vertices).c_str()));
   }
+  if (!s.oriented && s.sheets.turned_triangles != 0) {
+    warnings.push_back(Formatted(
+        "%s edges have two triangles that disagree about the outside; "
+        "--orient turns %s triangles over, so that they agree",
+        Grouped(s.sheets.inconsistent_edges).c_str(), Grouped(s.sheets.turned_triangles).c_str()));
+  }
   if (s.collapsed_triangles != 0) {
     warnings.push_back(Formatted("%s of %s triangles are too thin for steps of %.3g and lose their "
                                  "area; ",
@@ -116,6 +122,14 @@ void PrintSurvey(const std::string& name, const MeshSurvey& s) {
   }
   if (s.flat_triangles != 0) {
     std::printf("  flat         %s triangles without area\n", Grouped(s.flat_triangles).c_str());
+  }
+  if (s.oriented && s.sheets.turned_triangles != 0) {
+    std::printf("  orientation  %s triangles are turned over\n",
+                Grouped(s.sheets.turned_triangles).c_str());
+  }
+  if (s.sheets.unorientable_sheets != 0) {
+    std::printf("  one-sided    %s, as a Moebius band; cannot be oriented\n",
+                Counted(s.sheets.unorientable_sheets, "sheet", "sheets").c_str());
   }
   for (const VertexAttribute& a : s.header.attributes.attributes) {
     std::printf("  attribute    %s\n", Printable(a.name).c_str());
@@ -168,6 +182,9 @@ Json SurveyJson(const MeshSurvey& s) {
             {"degenerate_triangles", s.triangles - s.kept_triangles},
             {"welded_vertices", s.welded_vertices},
             {"equal_vertices", s.equal_vertices},
+            {"inconsistent_edges", s.sheets.inconsistent_edges},
+            {"turned_triangles", s.sheets.turned_triangles},
+            {"unorientable_sheets", s.sheets.unorientable_sheets},
             {"bounds", {{"min", Json(s.bounds.min)}, {"max", Json(s.bounds.max)}}},
             {"diagonal", Diagonal(s.bounds)},
             {"edges",

@@ -24,6 +24,7 @@ Status CheckOptions(const IngestArguments& a) {
   if (a.lossless) wrong = "--lossless";
   if (a.weld) wrong = "--weld";
   if (a.keep_apart) wrong = "--no-weld";
+  if (a.orient) wrong = "--orient";
   if (a.normal_bits) wrong = "--normal-bits";
   if (!a.attribute_steps.empty()) wrong = "--attribute-step";
   if (wrong == nullptr) return Status::Ok();

@@ -13,6 +13,7 @@ import hashlib
 import io
 import os
 import re
+import shutil
 import subprocess
 import sys
 import sysconfig
@@ -57,6 +58,46 @@ def metadata() -> str:
 
 def tag() -> str:
     return "py3-none-" + re.sub(r"[-.]", "_", sysconfig.get_platform())
+
+
+# Headers that the library is compiled from, and the Debian packages that have them (cmake/packages.txt).
+HEADERS = {
+    "lmdb.h": "liblmdb-dev", "zstd.h": "libzstd-dev", "xxhash.h": "libxxhash-dev", "zlib.h": "zlib1g-dev",
+    "draco/mesh/mesh.h": "libdraco-dev", "embree3/rtcore.h": "libembree-dev", "png.h": "libpng-dev",
+    "jpeglib.h": "libjpeg62-turbo-dev", "CLI/CLI.hpp": "libcli11-dev", "boost/version.hpp": "libboost-dev",
+    "nlohmann/json.hpp": "nlohmann-json3-dev", "meshoptimizer.h": "libmeshoptimizer-dev",
+}
+PROGRAMS = {"c++": "build-essential", "strip": "build-essential", "cmake": "cmake", "ninja": "ninja-build"}
+
+
+def missing_packages() -> list[str]:
+    """What a build lacks, as Debian calls it."""
+    lacking = {package for program, package in PROGRAMS.items() if shutil.which(program) is None}
+    compiler = os.environ.get("CXX", "c++")
+    if shutil.which(compiler) is None:
+        return sorted(lacking | set(HEADERS.values()))
+    asks = "".join(f"#if !__has_include(<{header}>)\nLACKS {package}\n#endif\n"
+                   for header, package in HEADERS.items())
+    found = subprocess.run([compiler, "-E", "-P", "-x", "c++", "-std=c++20", "-"], input=asks,
+                           stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True, check=False)
+    return sorted(lacking | set(re.findall(r"^LACKS (\S+)$", found.stdout, re.MULTILINE)))
+
+
+def get_requires_for_build_wheel(config_settings: Settings = None) -> list[str]:
+    """Nothing from an index. Says what is missing before anything is compiled, which takes minutes."""
+    if not (config_settings or {}).get("library"):
+        missing = missing_packages()
+        if missing:
+            raise SystemExit(
+                "mtdb: building libmtdb.so takes a C++20 compiler (g++ 12), CMake, ninja and libraries. "
+                f"Missing here, by the names of Debian 12: {' '.join(missing)}\n"
+                f"Install them:   apt install {' '.join(missing)}\n"
+                "or use a library that is built already:   "
+                "pip install . --config-settings library=PATH/libmtdb.so"
+            )
+        print("mtdb: libmtdb.so is compiled now, which takes about 12 minutes on two processors",
+              file=sys.stderr)
+    return []
 
 
 def library(settings: Settings, work: Path) -> bytes:

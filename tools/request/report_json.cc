@@ -47,6 +47,20 @@ Json OneSidedJson(const OneSidedDistance& side) {
   return json;
 }
 
+Json InputJson(const InputReport& in) {
+  return {{"vertices", in.vertices},
+          {"triangles", in.triangles},
+          {"unreferenced_vertices", in.unreferenced_vertices},
+          {"degenerate_triangles", in.degenerate_triangles},
+          {"duplicate_triangles", in.duplicate_triangles},
+          {"two_sided_triangles", in.two_sided_triangles},
+          {"nonmanifold_edges", in.nonmanifold_edges},
+          {"nonmanifold_vertices", in.nonmanifold_vertices},
+          {"inconsistent_edges", in.inconsistent_edges},
+          {"turned_triangles", in.turned_triangles},
+          {"unorientable_sheets", in.unorientable_sheets}};
+}
+
 Json RoundsJson(const ObjectRecord& r) {
   Json rounds = Json::Array();
   for (const RoundReport& round : r.rounds) {
@@ -90,15 +104,7 @@ Json RecordJson(const ObjectRecord& r, uint64_t file_bytes) {
       {"boundary_edges", r.boundary_edges},
       {"boundary_loops", r.boundary_loops},
       {"euler_characteristic", r.euler_characteristic},
-      {"input",
-       {{"vertices", r.input.vertices},
-        {"triangles", r.input.triangles},
-        {"unreferenced_vertices", r.input.unreferenced_vertices},
-        {"degenerate_triangles", r.input.degenerate_triangles},
-        {"duplicate_triangles", r.input.duplicate_triangles},
-        {"two_sided_triangles", r.input.two_sided_triangles},
-        {"nonmanifold_edges", r.input.nonmanifold_edges},
-        {"nonmanifold_vertices", r.input.nonmanifold_vertices}}},
+      {"input", InputJson(r.input)},
       {"attributes", AttributesJson(r)},
       {"digest", r.digest_hex()},
       {"bounds", {{"min", Json(r.bounds.min)}, {"max", Json(r.bounds.max)}}},

@@ -11,6 +11,7 @@
 #include "builder/surface/corner_join.h"
 #include "tests/builder/fixture.h"
 #include "tests/builder/input_oracle.h"
+#include "tests/support/oriented_mesh.h"
 
 namespace mtdb::testing {
 
@@ -175,6 +176,9 @@ void RequireAgreement(const TriangleMesh& mesh, size_t memory_bytes, unsigned th
   REQUIRE(totals.unreferenced_vertices == oracle.report.unreferenced_vertices);
   REQUIRE(totals.duplicate_triangles == oracle.report.duplicate_triangles);
   REQUIRE(totals.nonmanifold_edges == oracle.report.nonmanifold_edges);
+  REQUIRE(totals.inconsistent_edges == oracle.report.inconsistent_edges);
+  const OrientedMesh sheets = OrientByDefinition(mesh.triangles);
+  REQUIRE(totals.sheets.unorientable_sheets == sheets.unorientable_sheets);
   REQUIRE(totals.nonmanifold_vertices == oracle.report.nonmanifold_vertices);
   const std::vector<TileTriangle> expected = ClassifiedTriangles(mesh, grid);
   REQUIRE(found.size() == expected.size());

@@ -30,7 +30,7 @@ ObjectRecord FullRecord() {
   o.rounding_error = 0.0625;
   o.georeference = std::string("EPSG:25832");
   o.up = {{0.6, 0, -0.8}, true};
-  o.input = {1, 2, 3, 4, 5, 6, ~uint64_t{0}};
+  o.input = {1, 2, 3, 4, 5, 6, ~uint64_t{0}, 7, 8, 9, 10};
   o.triangles = uint64_t{1} << 40;
   o.components = 3;
   o.boundary_edges = 100;

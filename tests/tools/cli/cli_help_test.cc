@@ -28,9 +28,9 @@ const Arguments& Verbs() {
 TEST_CASE("every verb explains itself and all its options", "[cli]") {
   const std::map<std::string, Arguments> options{
       {"ingest",
-       {"INPUT... STORE", "--name", "--format", "--bits", "--step", "--lossless", "--weld",
-        "--no-weld", "--up", "--units", "--threads", "--memory", "--tmp", "--max-tmp", "--resume",
-        "--replace", "--dry-run", "--quiet", "--json"}},
+       {"INPUT... STORE", "--name",   "--format",  "--bits",    "--step",    "--lossless", "--weld",
+        "--no-weld",      "--orient", "--up",      "--units",   "--threads", "--memory",   "--tmp",
+        "--max-tmp",      "--resume", "--replace", "--dry-run", "--quiet",   "--json"}},
       {"info", {"STORE", "--name", "--format", "--json"}},
       {"list", {"STORE", "--json"}},
       {"extract",

@@ -131,6 +131,8 @@ TEST_CASE("a journal serves its own ingest only: other files, other order, other
            {journal, "another input"});
   RunFails(1, {"ingest", a, b, store, "--name", "both", "--resume", "--bits", "12", "--quiet"},
            {journal, "other options"});
+  RunFails(1, {"ingest", a, b, store, "--name", "both", "--resume", "--orient", "--quiet"},
+           {journal, "other options"});
   // By another name of the same store it is the same journal.
   const std::string link = folder.File("link.mtdb");
   std::filesystem::create_symlink(store, link);

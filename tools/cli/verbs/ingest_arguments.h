@@ -27,6 +27,7 @@ struct IngestArguments {
   std::string units;
   std::optional<double> weld;
   bool keep_apart = false;
+  bool orient = false;
   std::optional<int> normal_bits;
   std::vector<AttributeStep> attribute_steps;
   unsigned threads = 0;

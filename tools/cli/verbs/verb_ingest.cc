@@ -123,6 +123,10 @@ void PrintSummary(const ObjectRecord& r, uint64_t file_bytes) {
   note(in.nonmanifold_edges, "non-manifold edges; where they form chains, these are simplified");
   note(in.nonmanifold_vertices,
        "vertices kept, never simplified: such edges end or meet there, or parts touch");
+  note(in.inconsistent_edges, "of these edges have two triangles that disagree about the outside");
+  note(in.turned_triangles, "triangles turned over, so that their sheets are consistent");
+  note(in.unorientable_sheets,
+       "sheets with one side only, as a Moebius band; they cannot be oriented");
   std::printf("  %.1f bits per vertex; the store has %s\n",
               8.0 * static_cast<double>(r.stored_bytes) / static_cast<double>(r.vertices),
               SizeText(file_bytes).c_str());
@@ -163,6 +167,7 @@ BuildOptions OptionsOf(const IngestArguments& arguments, const std::string& stor
   options.step = arguments.step;
   options.weld = arguments.weld;
   options.keep_apart = arguments.keep_apart;
+  options.orient = arguments.orient;
   options.normal_bits = arguments.normal_bits;
   options.attribute_steps = arguments.attribute_steps;
   options.up = arguments.up;
@@ -408,6 +413,9 @@ void AddWeld(VerbOptions* verb, IngestArguments* a) {
   verb->AddFlag("--no-weld", a->keep_apart,
                 "keep cuts in the mesh (default: joined where attributes agree)")
       .Excludes("--weld");
+  verb->AddFlag("--orient", a->orient,
+                "turn triangles over where those of a sheet disagree about the outside, as few as "
+                "possible");
 }
 
 void AddAttributes(VerbOptions* verb, IngestArguments* a) {

@@ -7,6 +7,7 @@
     db.ingest(vertices, faces, name="statue", attributes={"red": red, ...})
     mesh = db["statue"].extract(box=[[0, 0, 0], [1, 1, 1]], error=0.001)
     mesh.vertices, mesh.faces, mesh.error_bound
+    small = mtdb.simplify(vertices, faces, error=0.01)
 
 docs/python.md tells it in full. The library is libmtdb.so; the GIL is released while it works.
 """
@@ -27,11 +28,13 @@ from ._errors import (
     NoSpace,
     NotFound,
     NotYet,
+    RegionMissed,
     Unsupported,
 )
 from ._library import version as _version
 from ._mesh import ExtractStats, Mesh, Saved, Shortfall, png, read_mesh
 from ._session import Session, Update, connect, fetch
+from ._shortcuts import distance, simplify
 from ._terrain import HeightGrid, Profile
 
 __version__: str = _version()
@@ -60,6 +63,7 @@ __all__ = [
     "OneSided",
     "Place",
     "Profile",
+    "RegionMissed",
     "Saved",
     "Server",
     "Session",
@@ -68,8 +72,10 @@ __all__ = [
     "Update",
     "compare",
     "connect",
+    "distance",
     "fetch",
     "open",
     "png",
     "read_mesh",
+    "simplify",
 ]

@@ -7,6 +7,7 @@ import inspect
 import json
 import os
 import threading
+import warnings
 from dataclasses import dataclass, replace
 from types import TracebackType
 from typing import Any, Callable, Iterable, Iterator, Mapping, Optional, Sequence, Tuple, Union
@@ -16,7 +17,7 @@ import numpy.typing as npt
 
 from . import _library as L
 from . import _query, _terrain
-from ._errors import InvalidArgument, NotFound
+from ._errors import InvalidArgument, NotFound, RegionMissed
 from ._mesh import (
     LIMITS,
     Array,
@@ -30,6 +31,7 @@ from ._mesh import (
     triple,
     up_vector,
 )
+from ._query import Text as QueryText
 from ._session import Session
 from ._terrain import HeightGrid, Profile
 from ._work import Progress, Watched, interruptible, probe_options
@@ -160,8 +162,10 @@ class Object:
         base = self._origin(dtype, origin)
         with interruptible() as control:
             cut = self._select(text, control)
-            mesh = L.Handle("mesh", "get_cut_mesh", cut, base)
-        return self._with_stats(Mesh._of(mesh), cut)
+            mesh = Mesh._of(L.Handle("mesh", "get_cut_mesh", cut, base))
+        mesh.stats, stats = self._stats(text, cut)
+        mesh.error_bound, mesh.shortfall = stats.error_bound, shortfall_of(stats)
+        return mesh
 
     def extract_to(self, path: "str | os.PathLike[str]",
                    query: Union[str, Mapping[str, Any], None] = None, *, double_positions: bool = False,
@@ -174,7 +178,7 @@ class Object:
         with interruptible() as control:
             cut = self._select(text, control)
             file = Saved._of("write_cut", cut, path, normals, double_positions)
-        return replace(self._stats(cut)[0], file=file)
+        return replace(self._stats(text, cut)[0], file=file)
 
     def _origin(self, dtype: npt.DTypeLike, origin: Optional[Sequence[float]]) -> Any:
         kind = np.dtype(dtype)
@@ -186,14 +190,17 @@ class Object:
             raise InvalidArgument(f"dtype: expected float64 or float32, found {kind}")
         return triple("origin", self.bounds.mean(0) if origin is None else origin)
 
-    def _query(self, text: str) -> L.Handle:
-        return L.Handle("query", "create_query", self._handle, text.encode())
+    def _query(self, text: QueryText) -> L.Handle:
+        try:
+            return L.Handle("query", "create_query", self._handle, text.encode())
+        except InvalidArgument as error:
+            raise InvalidArgument(text.in_python(error.message)) from None
 
-    def _select(self, text: str, control: L.Handle) -> L.Handle:
+    def _select(self, text: QueryText, control: L.Handle) -> L.Handle:
         return L.Handle("cut", "select", self._handle, self._query(text), control)
 
-    @staticmethod
-    def _stats(cut: L.Handle) -> tuple[ExtractStats, L.Stats]:
+    def _stats(self, text: QueryText, cut: L.Handle) -> tuple[ExtractStats, L.Stats]:
+        """Warns, for the caller of its caller, where the region is missed."""
         stats = L.Stats()
         L.call("get_cut_stats", cut, C.byref(stats))
         made = ExtractStats(
@@ -201,13 +208,14 @@ class Object:
             stats.clusters_read, stats.clusters_cached, stats.clusters_used,
             stats.clusters_total, stats.bytes_read, stats.select_seconds,
             stats.load_seconds, stats.emit_seconds,
+            region_missed=text.has_region and stats.active_triangles == 0,
         )
+        if made.region_missed:
+            low, high = self.bounds.tolist()
+            what = "the mesh is as coarse as it goes" if stats.triangles else "the mesh is empty"
+            warnings.warn(f"nothing of {self.name} is in the region, so {what}; it lies within "
+                          f"{low} and {high}", RegionMissed, stacklevel=3)
         return made, stats
-
-    def _with_stats(self, mesh: Mesh, cut: L.Handle) -> Mesh:
-        mesh.stats, stats = self._stats(cut)
-        mesh.error_bound, mesh.shortfall = stats.error_bound, shortfall_of(stats)
-        return mesh
 
     def closest_point(self, point: Sequence[float], *, error: Optional[float] = None,
                       limit: float = np.inf) -> Optional[Hit]:
@@ -396,6 +404,7 @@ class Database(Mapping[str, Object]):
         bits: Optional[int] = None,
         step: Optional[float] = None,
         weld: Union[float, bool, None] = None,
+        orient: bool = False,
         normal_bits: Optional[int] = None,
         attribute_steps: Optional[Mapping[str, float]] = None,
         memory_bytes: int = 1 << 30,
@@ -421,6 +430,7 @@ class Database(Mapping[str, Object]):
         of `bits`, or of multiples of `step`. weld: joins vertices within that distance,
         0 or True those of equal positions; without, those of equal positions and attributes where
         the mesh was cut along edges; False keeps all as they are.
+        orient: turns triangles over where those of a sheet disagree about the outside, as few as possible.
         normal_bits, attribute_steps: what rounds normals and attributes. memory_bytes: at most so many bytes.
         terrain: the mesh is a height field, z above x and y: errors are differences in height.
         height_step: heights of rasters are rounded to its multiples (without: as in
@@ -432,7 +442,7 @@ class Database(Mapping[str, Object]):
         journal_path, resume: a file by which an ingest that was killed goes on.
         progress: True for a bar by tqdm, or a function of (stage, 0..1); False from it stops.
         """
-        Ingest(name, replace=replace, lossless=lossless, bits=bits, step=step, weld=weld,
+        Ingest(name, replace=replace, lossless=lossless, bits=bits, step=step, weld=weld, orient=orient,
                normal_bits=normal_bits, attribute_steps=attribute_steps, memory_bytes=memory_bytes,
                threads=threads, tmp_directory=tmp_directory, journal_path=journal_path,
                resume=resume, height_step=height_step, fill=fill, terrain=terrain,
@@ -570,8 +580,8 @@ class Ingest:
 
     def __init__(self, name: str, *, attribute_steps: Optional[Mapping[str, float]] = None,
                  bits: Optional[int] = None, step: Optional[float] = None,
-                 weld: Union[float, bool, None] = None, normal_bits: Optional[int] = None,
-                 replace: bool, lossless: bool = False, memory_bytes: int, threads: int,
+                 weld: Union[float, bool, None] = None, orient: bool = False,
+                 normal_bits: Optional[int] = None, replace: bool, lossless: bool = False, memory_bytes: int, threads: int,
                  tmp_directory: Optional[str], journal_path: Optional[str] = None,
                  resume: bool = False, height_step: Optional[float], fill: int,
                  terrain: bool = False, max_tmp_bytes: Optional[int],
@@ -591,6 +601,7 @@ class Ingest:
         self._options = L.IngestOptions(
             replace=int(replace), lossless=int(lossless), bits=bits or 0, step=step or 0.0,
             weld=0 if weld is None else -1 if weld is False else 1,
+            orient=int(orient),
             weld_distance=0.0 if weld is None or isinstance(weld, bool) else weld, normal_bits=normal_bits or 0,
             attribute_steps=self._steps, attribute_step_count=len(listed), threads=threads, memory_bytes=memory_bytes,
             tmp_directory=None if tmp_directory is None else L.path_bytes(tmp_directory),

@@ -88,6 +88,11 @@ class NotYet(MtdbError):
     code = Code.NOT_YET
 
 
+class RegionMissed(UserWarning):
+    """Nothing of the surface is in the region that was asked for, so the mesh is as coarse as it
+    gets, or empty."""
+
+
 _CLASSES = {int(c.code): c for c in MtdbError.__subclasses__()}
 
 
@@ -95,14 +100,25 @@ _CLASSES = {int(c.code): c for c in MtdbError.__subclasses__()}
 OPTIONS = {
     "bits": "bits", "cache": "cache_bytes", "clip": "clip", "fill": "fill", "replace": "replace",
     "lossless": "lossless", "memory": "memory_bytes", "name": "name", "resume": "resume",
-    "max-tmp": "max_tmp_bytes", "no-weld": "weld=False", "step": "step", "height-step": "height_step",
+    "max-tmp": "max_tmp_bytes", "no-weld": "weld=False", "orient": "orient=True", "step": "step", "height-step": "height_step",
     "terrain": "terrain", "tmp": "tmp_directory", "weld": "weld",
 }
+#: What begins a message, and is called otherwise here: members of the C interface's structs.
+ARGUMENTS = {"memory": "memory_bytes", "positions": "vertices", "indices": "faces"}
+_PLACES = ((re.compile(r"^vertex (\d+):"), r"vertices[\1]:"),
+           (re.compile(r"^triangle (\d+):"), r"faces[\1]:"),
+           (re.compile(r"^step of attribute ([^:]*):"), r"attribute_steps['\1']:"))
+_MEMBER = re.compile(r"^(?:options|input)(?:\.|: )")
 _OPTION = re.compile(r"(?<![\w-])--([a-z]+(?:-[a-z]+)*)(?![\w-])")
 
 
 def in_python(message: str) -> str:
-    """A message of the library, with arguments of this package for options of the command line."""
+    """A message of the library, with arguments of this package for options of the command line and
+    for members of structs."""
+    for place, ours in _PLACES:
+        message = place.sub(ours, message)
+    first, colon, rest = _MEMBER.sub("", message).partition(":")
+    message = ARGUMENTS.get(first, first) + colon + rest
     return _OPTION.sub(lambda found: OPTIONS.get(found[1], found[0]), message)
 
 

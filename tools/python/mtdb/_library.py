@@ -221,6 +221,7 @@ class IngestOptions(Sized):
         ("max_tmp_bytes", C.c_uint64),
         ("up", C.c_double * 3),
         ("units", Text),
+        ("orient", C.c_int),
     ]
 
 

@@ -119,6 +119,8 @@ class ExtractStats:
     select_seconds: float
     load_seconds: float
     emit_seconds: float
+    #: Nothing of the surface is in the region that was asked for; a `RegionMissed` warns of it.
+    region_missed: bool = False
     file: Optional[Saved] = None  #: of a mesh that went to a file
 
 
@@ -211,6 +213,18 @@ class Mesh:
             mesh._colours = columns(table, ("red", "green", "blue"), "u1")
         mesh._handle = handle
         return mesh
+
+    def __getstate__(self) -> dict[str, Any]:
+        """For pickle and copy: arrays of its own, which need no library."""
+        state = {name: value for name, value in self.__dict__.items() if not name.startswith("_")}
+        for name in ("vertices", "faces"):
+            state[name] = np.array(state[name])
+        state["attributes"] = {name: np.array(a) for name, a in self.attributes.items()}
+        return state
+
+    def __setstate__(self, state: Mapping[str, Any]) -> None:
+        self.__dict__.update(state)
+        self.attributes = MappingProxyType(state["attributes"])  # which no handle stands for
 
     @property
     def normals(self) -> Optional[Array]:

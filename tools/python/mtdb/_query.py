@@ -23,6 +23,40 @@ def _plain(value: Any) -> Any:
     raise TypeError(f"a query cannot hold {type(value).__name__}")
 
 
+class Text(str):
+    """The JSON text of a query, and what its parts are called as keyword arguments."""
+
+    names: dict[str, str]  #: by the paths that messages begin with
+    has_region: bool
+
+    @classmethod
+    def of(cls, text: str, names: Optional[Mapping[str, str]] = None) -> Text:
+        made = cls(text)
+        made.names = dict(names or {})
+        try:
+            asked = json.loads(text) if text else {}
+        except ValueError:  # the library says what is wrong with it
+            asked = {}
+        made.has_region = isinstance(asked, dict) and "region" in asked
+        return made
+
+    def in_python(self, message: str) -> str:
+        """A message of the library about this query, with the keyword that it is about."""
+        for path in sorted(self.names, key=len, reverse=True):
+            if message.startswith(path) and message[len(path):len(path) + 1] in (":", ".", "["):
+                return self.names[path] + message[len(path):]
+        return message
+
+
+def _listed(parts: Sequence[tuple[Any, Mapping[str, str]]], path: str, together: str,
+            names: dict[str, str]) -> Any:
+    """Several parts together, or the only one. Of each: what it is, and the names below its path."""
+    for i, (_, below) in enumerate(parts):
+        own = path if len(parts) == 1 else f"{path}.{together}[{i}]"
+        names.update({own + end: name for end, name in below.items()})
+    return parts[0][0] if len(parts) == 1 else {together: [part for part, _ in parts]}
+
+
 def text_of(query: Union[str, Mapping[str, Any]]) -> str:
     return query if isinstance(query, str) else json.dumps(query, default=_plain)
 
@@ -55,7 +89,7 @@ def build(
     max_milliseconds: Optional[float] = None,
     clip: bool = False,
     normals: bool = False,
-) -> str:
+) -> Text:
     """The JSON text of a query. Several regions: what lies in at least one of them. Several
     thresholds: all of them hold."""
     asked = (box, sphere, region, camera, error, relative, pixels, threshold)
@@ -64,38 +98,41 @@ def build(
         if any(a is not None for a in asked + limits) or clip:
             raise InvalidArgument("query: goes with normals only; put the rest into the query")
         if not normals:
-            return text_of(query)
+            return Text.of(text_of(query))
         given = json.loads(query) if isinstance(query, str) else dict(query)
-        return text_of({**given, "normals": True})
+        return Text.of(text_of({**given, "normals": True}))
     if pixels is not None and camera is None:
         raise InvalidArgument("pixels: needs a camera")
-    regions: list[Any] = []
+    regions: list[tuple[Any, Mapping[str, str]]] = []
     if box is not None:
-        regions.append(_box(box))
+        regions.append((_box(box), {".box": "box"}))
     if sphere is not None:
         ball = np.asarray(sphere, float).ravel()
         if ball.shape != (4,):
             raise InvalidArgument(f"sphere: expected x, y, z, radius, found {sphere!r}")
-        regions.append({"sphere": {"centre": ball[:3].tolist(), "radius": float(ball[3])}})
+        around = {"centre": ball[:3].tolist(), "radius": float(ball[3])}
+        regions.append(({"sphere": around}, {".sphere": "sphere"}))
     if region is not None:
-        regions.append(region)
-    thresholds: list[Any] = []
+        regions.append((region, {"": "region"}))
+    thresholds: list[tuple[Any, Mapping[str, str]]] = []
     if camera is not None:
-        regions.append({"frustum": _camera(camera)})
+        regions.append(({"frustum": _camera(camera)}, {".frustum": "camera"}))
         if pixels is not None or not any(x is not None for x in (error, relative, threshold)):
             seen = {"camera": _camera(camera), "pixels": 1 if pixels is None else pixels}
-            thresholds.append({"screen": seen})
+            thresholds.append(
+                ({"screen": seen}, {".screen.camera": "camera", ".screen.pixels": "pixels"}))
     if error is not None:
-        thresholds.append(error)
+        thresholds.append((error, {"": "error"}))
     if relative is not None:
-        thresholds.append({"relative": relative})
+        thresholds.append(({"relative": relative}, {".relative": "relative"}))
     if threshold is not None:
-        thresholds.append(threshold)
+        thresholds.append((threshold, {"": "threshold"}))
     made: dict[str, Any] = {}
+    names: dict[str, str] = {}
     if regions:
-        made["region"] = regions[0] if len(regions) == 1 else {"union": regions}
+        made["region"] = _listed(regions, "region", "union", names)
     if thresholds:
-        made["threshold"] = thresholds[0] if len(thresholds) == 1 else {"smallest": thresholds}
+        made["threshold"] = _listed(thresholds, "threshold", "smallest", names)
     for key, value in zip(("max_triangles", "max_bytes", "max_milliseconds"), limits):
         if value is not None:
             made[key] = value
@@ -103,4 +140,4 @@ def build(
         made["clip"] = True
     if normals:
         made["normals"] = True
-    return text_of(made)
+    return Text.of(text_of(made), names)

@@ -29,6 +29,7 @@ class Update:
     triangles: int  #: of the whole cut
     vertices: int
     active_triangles: int
+    region_missed: bool  #: nothing of the surface is in the region that was asked for
     insertions: int  #: of vertices
     removals: int
     bytes: int  #: of the update stream
@@ -98,14 +99,15 @@ class Session:
         changes = L.Changes()
         L.call("take_changes", client, C.byref(changes))
         return Update(
-            made.triangles, made.vertices, made.active_triangles, made.insertions, made.removals,
+            made.triangles, made.vertices, made.active_triangles,
+            text.has_region and made.active_triangles == 0, made.insertions, made.removals,
             made.bytes, made.error_bound, made.milliseconds, LIMITS[made.limit],
             shortfall_of(made),
             view(changes.triangles, (changes.triangle_ranges, 2), "<u4", None).copy(),
             view(changes.vertices, (changes.vertex_ranges, 2), "<u4", None).copy(),
         )
 
-    def _move(self, client: L.Handle, text: str, stream: Optional[Callable[[bytes], None]],
+    def _move(self, client: L.Handle, text: _query.Text, stream: Optional[Callable[[bytes], None]],
               made: L.Update) -> None:
         assert self._session is not None and self._object is not None
         raised: list[BaseException] = []
@@ -196,6 +198,7 @@ def fetch(url: str, query: Union[str, Mapping[str, Any], None] = None, *,
         format=os.fspath(path).rsplit(".", 1)[-1].lower().encode(),
     )
     made = L.Update()
+    text = _query.build(query, **asked)
     with _complete(path) as file:
 
         def receive(_user: Any, data: Any, size: int) -> int:
@@ -208,14 +211,15 @@ def fetch(url: str, query: Union[str, Mapping[str, Any], None] = None, *,
 
         function = L.ReceiveFunction(receive)
         try:
-            L.call("fetch", url.encode(), _query.build(query, **asked).encode(), C.byref(options),
-                   function, None, C.byref(made))
+            L.call("fetch", url.encode(), text.encode(), C.byref(options), function, None,
+                   C.byref(made))
         except Exception:
             if raised:
                 raise raised[0] from None
             raise
     none = np.empty((0, 2), np.uint32)
-    return Update(made.triangles, made.vertices, made.active_triangles, 0, 0, made.bytes,
+    return Update(made.triangles, made.vertices, made.active_triangles,
+                  text.has_region and made.active_triangles == 0, 0, 0, made.bytes,
                   made.error_bound, 0.0, LIMITS[made.limit], shortfall_of(made), none,
                   none)
 
