@@ -10,7 +10,15 @@
 
 docs/python.md tells it in full. The library is libmtdb.so; the GIL is released while it works.
 """
-from ._compare import Comparison, OneSided, Place, compare
+from ._compare import (
+    Comparison,
+    HeightChange,
+    LargestChange,
+    OneSided,
+    Place,
+    compare,
+    compare_heights,
+)
 from ._database import Database, Hit, Object, Server
 from ._database import open_database as open
 from ._errors import (
@@ -47,10 +55,12 @@ __all__ = [
     "Corrupt",
     "Database",
     "ExtractStats",
+    "HeightChange",
     "HeightGrid",
     "Hit",
     "InvalidArgument",
     "IoError",
+    "LargestChange",
     "Mesh",
     "MtdbError",
     "NoSpace",
@@ -67,6 +77,7 @@ __all__ = [
     "Unsupported",
     "Update",
     "compare",
+    "compare_heights",
     "connect",
     "fetch",
     "open",
