@@ -266,6 +266,21 @@ TEST_CASE("Holes of one terrain are what the other one covers alone", "[oracle]"
   CHECK(found.cut_volume.high <= 1e-9 * truth.fill);
 }
 
+TEST_CASE("Coarse cuts whose borders have moved inwards tell that there may be more", "[oracle]") {
+  std::vector<double> low(90 * 90, 7), high(90 * 90, 1007);
+  const Terrain a = BuildTerrain(90, 90, WithHoles(low, 90, 90), Triangulation::kDelaunay, true);
+  const Terrain b = BuildTerrain(90, 90, WithHoles(high, 90, 90), Triangulation::kDelaunay, true);
+  const Truth truth = ExactChange(a.built, b.built);
+  bool coarse = false;
+  for (double width = 4000; width > 1e-3; width /= 2) {
+    CAPTURE(width);
+    const HeightChange found = ChangeOf(a.built, b.built, {.width = width});
+    CheckHolds(found, truth);
+    coarse |= Width(found.area_both) > 0.01 * truth.both;
+  }
+  CHECK(coarse);
+}
+
 TEST_CASE("A plane with bumps has the volume of its bumps") {
   // Each is a pyramid over the six triangles of a vertex, whose area is 3 cells.
   const std::vector<Vec3d> none;
