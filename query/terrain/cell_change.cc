@@ -53,7 +53,7 @@ class CellMeter {
     const BoxTree tree(boxes);
     for (const Triangle3d& t : a_.triangles) {
       const PlaneTriangle own(Moved(t));
-      PlanePolygon part(own.corners());
+      PlanePolygon part(own);
       part.ClipTo(window_);
       if (part.empty()) continue;
       AddArea(own, part.area(), &area_a_);
@@ -83,7 +83,7 @@ class CellMeter {
     area_slack_ += kMoved * (Extent() + Around(t)) * 2 * Around(t);
   }
   double PartArea(const PlaneTriangle& t) {
-    PlanePolygon part(t.corners());
+    PlanePolygon part(t);
     part.ClipTo(window_);
     double area = 0;
     if (!part.empty()) AddArea(t, part.area(), &area);
@@ -92,7 +92,7 @@ class CellMeter {
 
   // `part` is that of `own` within the window.
   void AddPair(const PlaneTriangle& own, PlanePolygon part, const PlaneTriangle& other) {
-    part.ClipTo(other.corners());
+    part.ClipTo(other);
     if (part.empty()) return;
     const double around = 2 * std::min(Around(own), Around(other));
     const double moved = kMoved * (Extent() + Around(own) + Around(other));

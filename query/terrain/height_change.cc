@@ -35,6 +35,16 @@ constexpr uint64_t kQuartered = 4'096;       // of both cuts of a cell that is a
 constexpr double kSmallestCell = 0x1p-24;    // of the window's sides
 constexpr uint64_t kNoLimit = std::numeric_limits<uint64_t>::max();
 
+double VolumeDoubt(const CellChange& c) {
+  return std::max(c.fill.high - c.fill.low, c.cut.high - c.cut.low);
+}
+
+void Keep(const CellExtreme& found, LargestChange* largest) {
+  if (found.low <= largest->height.low) return;
+  largest->height.low = found.low;
+  largest->point = found.point;
+}
+
 // Best first over cells: those that leave most in doubt are asked again.
 class HeightComparer {
  public:
@@ -175,14 +185,27 @@ class HeightComparer {
         MTDB_RETURN_IF_ERROR(Take(questions[next++], &questions, &asked));
       }
       Measure(&asked);
-      for (Asked& q : asked) all.push_back({q.question, {}, {}, q.change});
+      for (Asked& q : asked) {
+        q.a.triangles = q.b.triangles = {};
+        all.push_back(std::move(q));
+      }
     }
     for (const size_t number : chosen) {
       cells_[number].asked_again = true;
       Count(cells_[number].change, -1);
     }
-    for (const Asked& q : all) Add(q.change, q.question.level + 1);
+    for (const Asked& q : all) Add(q.change, NextLevel(q));
     return Status::Ok();
+  }
+  // At which the cuts can be others.
+  size_t NextLevel(const Asked& asked) const {
+    if (asked.a.error <= a_.least_error() && asked.b.error <= b_.least_error()) {
+      return thresholds_.size();
+    }
+    size_t level = asked.question.level + 1;
+    const double error = std::max(asked.a.error, asked.b.error);
+    while (level < thresholds_.size() && thresholds_[level] >= error) ++level;
+    return level;
   }
   static void Ask(const Cell& cell, std::vector<Question>* questions) {
     const Question question{cell.change.window, cell.next_level};
@@ -245,20 +268,11 @@ class HeightComparer {
     }
     widest_.emplace(VolumeDoubt(change), number);
   }
-  static double VolumeDoubt(const CellChange& c) {
-    return std::max(c.fill.high - c.fill.low, c.cut.high - c.cut.low);
-  }
   void Count(const CellChange& c, double sign) {
     doubt_.fill += sign * (c.fill.high - c.fill.low);
     doubt_.cut += sign * (c.cut.high - c.cut.low);
     doubt_.area += sign * c.area_both.low;
   }
-  static void Keep(const CellExtreme& found, LargestChange* largest) {
-    if (found.low <= largest->height.low) return;
-    largest->height.low = found.low;
-    largest->point = found.point;
-  }
-
   // The cell that is to be asked again; none: enough is known.
   std::optional<size_t> Next() {
     for (auto [queue, low] : {std::pair{&highest_rise_, &result_.rise.height.low},

@@ -45,8 +45,8 @@ double PlaneTriangle::HeightSlack(double moved) const {
   return slack < range_ ? slack : range_;  // NaN of a triangle without an area, too
 }
 
-PlanePolygon::PlanePolygon(const Triangle3d& t) : size_(3) {
-  std::ranges::copy(CounterClockwise(t), corners_.begin());
+PlanePolygon::PlanePolygon(const PlaneTriangle& t) : size_(3) {
+  std::ranges::copy(t.corners(), corners_.begin());
 }
 
 double PlanePolygon::area() const {
@@ -59,16 +59,28 @@ double PlanePolygon::area() const {
 
 template <typename Side>
 void PlanePolygon::Clip(const Side& side) {
+  std::array<double, kMost> at{};
+  size_t outside = 0;
+  for (size_t i = 0; i < size_; ++i) {
+    at[i] = side(corners_[i]);
+    outside += at[i] < 0 ? 1 : 0;
+  }
+  if (outside == 0) return;
+  if (outside == size_) {
+    size_ = 0;
+    return;
+  }
   std::array<Vec3d, kMost> kept;
   size_t size = 0;
   for (size_t i = 0; i < size_; ++i) {
-    const Vec3d a = corners_[i], b = corners_[(i + 1) % size_];
-    const double at_a = side(a), at_b = side(b);
-    if (at_a >= 0 && size < kMost) kept[size++] = a;
-    if ((at_a < 0) != (at_b < 0) && size < kMost)
-      kept[size++] = a + (b - a) * (at_a / (at_a - at_b));
+    const size_t next = i + 1 == size_ ? 0 : i + 1;
+    const Vec3d a = corners_[i], b = corners_[next];
+    if (at[i] >= 0 && size < kMost) kept[size++] = a;
+    if ((at[i] < 0) != (at[next] < 0) && size < kMost) {
+      kept[size++] = a + (b - a) * (at[i] / (at[i] - at[next]));
+    }
   }
-  corners_ = kept;
+  std::copy_n(kept.begin(), size, corners_.begin());
   size_ = size;
 }
 
@@ -83,8 +95,8 @@ void PlanePolygon::ClipTo(const PlaneWindow& window) {
   Clip([&](Vec3d p) { return window.max_y - p.y; });
 }
 
-void PlanePolygon::ClipTo(const Triangle3d& triangle) {
-  const Triangle3d t = CounterClockwise(triangle);
+void PlanePolygon::ClipTo(const PlaneTriangle& triangle) {
+  const Triangle3d& t = triangle.corners();
   for (size_t i = 0; i < 3 && !empty(); ++i) {
     Clip([&](Vec3d p) { return Twice(t[i], t[(i + 1) % 3], p.x, p.y); });
   }

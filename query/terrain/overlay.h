@@ -38,13 +38,13 @@ class PlaneTriangle {
 // A convex polygon of the plane; corners in the order of the clock's opposite. z means nothing.
 class PlanePolygon {
  public:
-  explicit PlanePolygon(const Triangle3d& t);
+  explicit PlanePolygon(const PlaneTriangle& t);
 
   std::span<const Vec3d> corners() const { return {corners_.data(), size_}; }
   bool empty() const { return size_ < 3; }
   double area() const;
   void ClipTo(const PlaneWindow& window);
-  void ClipTo(const Triangle3d& t);
+  void ClipTo(const PlaneTriangle& t);
 
  private:
   // Keeps where `side`, a linear function, is not negative; after Sutherland and Hodgman,

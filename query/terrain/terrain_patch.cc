@@ -44,7 +44,7 @@ bool HasBorderWithin(const TriangleMesh& mesh, const PlaneWindow& window) {
 }
 
 bool MeetsInside(const Triangle3d& t, const PlaneWindow& window) {
-  PlanePolygon part(t);
+  PlanePolygon part{PlaneTriangle(t)};
   part.ClipTo(window);
   return !part.empty() && part.area() > 0;
 }
@@ -95,7 +95,8 @@ Result<std::optional<TerrainPatch>> TerrainSide::Take(const PlaneWindow& window,
     }
     patch->least_height = least - patch->error;
     patch->largest_height = largest + patch->error;
-    const bool moved = threshold >= 0 && record().border_moves && !mesh.triangles.empty();
+    const bool moved =
+        patch->error > least_error() && record().border_moves && !mesh.triangles.empty();
     patch->may_cover_more = moved && (!meets || HasBorderWithin(mesh, window));
   }
   reading_.triangles += patch ? patch->triangles.size() : 0;

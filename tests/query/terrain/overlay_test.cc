@@ -51,9 +51,9 @@ TEST_CASE("common parts of triangles and rectangles have the area that random pl
     const Triangle3d a = triangle(), b = triangle();
     const PlaneWindow window{0.3 * unit(random), 0.3 * unit(random), 0.5 + 0.5 * unit(random),
                              0.5 + 0.5 * unit(random)};
-    PlanePolygon part(a);
+    PlanePolygon part{PlaneTriangle(a)};
     part.ClipTo(window);
-    if (!part.empty()) part.ClipTo(b);
+    if (!part.empty()) part.ClipTo(PlaneTriangle(b));
     const auto inside = [](const Triangle3d& t, double x, double y) {
       int left = 0, right = 0;
       for (size_t i = 0; i < 3; ++i) {
