@@ -4,6 +4,7 @@
 
 #include <array>
 #include <cstdint>
+#include <functional>
 #include <limits>
 #include <optional>
 #include <vector>
@@ -34,6 +35,11 @@ struct CompareOptions {
   std::optional<double> reach = {};
   // Wall time. The answer then is what has been proved so far; 0 looks at the catalog alone.
   std::optional<double> max_milliseconds = {};
+  // More places of a direction are joined with those that are nearest to them.
+  size_t max_places = size_t{1} << 15;
+  // Asked by any thread, before the comparison holds so many bytes beside the caches of the
+  // surfaces; false ends it, as time does. Null: it holds what it needs.
+  std::function<bool(uint64_t bytes)> may_hold = {};
   // Which points ask, in the coordinates of A, on both surfaces; never which may answer. Null: all.
   RegionPtr region = {};
   // Maps B into the coordinates of A, in which all answers are. Must be invertible.
@@ -78,8 +84,10 @@ struct Comparison {
   DistanceInterval distance;
   CompareVerdict verdict = CompareVerdict::kUndecided;
   std::optional<OneSidedDistance> a_to_b, b_to_a;
-  bool out_of_time = false;  // else what is undecided is so because of rounding, or of the width
-  uint64_t triangles = 0;    // that asked, at all accuracies
+  // Both false: what is undecided is so because of rounding, or of the width.
+  bool out_of_time = false;
+  bool out_of_memory = false;  // `may_hold` said no
+  uint64_t triangles = 0;      // that asked, at all accuracies
   uint64_t clusters_read = 0;
   uint64_t clusters_total = 0;  // of both objects
   uint64_t bytes_read = 0;
@@ -94,10 +102,10 @@ struct Comparison {
 // fine clusters are read only where there is doubt. Distances of triangles are bounded from both
 // sides, and all arithmetic is rounded outwards.
 //
-// Memory: beside the caches of the surfaces some 100 bytes for each triangle in doubt. Errors:
-// kInvalidArgument (numbers that are negative or NaN, a matrix without an inverse, a terrain whose
-// places and heights are in different units), kCancelled, those of reading clusters. Safe for many
-// threads.
+// Memory: beside the caches of the surfaces some 100 bytes for each triangle in doubt, and up to
+// some 200 MB for the parts of cuts that are looked at. Errors: kInvalidArgument (numbers that are
+// negative or NaN, a matrix without an inverse, a terrain whose places and heights are in different
+// units), kCancelled, those of reading clusters. Safe for many threads.
 Result<Comparison> Compare(const Surface& a, const Surface& b, const CompareOptions& options = {});
 
 // The attributes that MapDistances adds: float32, rounded outwards.

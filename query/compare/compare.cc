@@ -46,7 +46,8 @@ class Comparer {
     if (IsCancelled(options_.control))
       return {StatusCode::kCancelled, "the comparison was cancelled"};
     *answer = search.Take();
-    result_.out_of_time |= search.stopped();
+    result_.out_of_memory |= search.out_of_memory();
+    result_.out_of_time |= search.stopped() && !search.out_of_memory();
     result_.triangles += search.triangles();
     result_.clusters_read += search.reading().clusters;
     result_.bytes_read += search.reading().bytes;
@@ -54,9 +55,14 @@ class Comparer {
   }
 
   OneSidedLimits Limits(double part) const {
-    OneSidedLimits limits{
-        options_.tolerance, options_.width, options_.reach, options_.region, 1, {}};
+    OneSidedLimits limits;
+    limits.tolerance = options_.tolerance;
+    limits.width = options_.width;
+    limits.reach = options_.reach;
+    limits.region = options_.region;
     if (!limits.tolerance && !limits.width) limits.width = StandardWidth(a_, b_);
+    limits.most_places = options_.max_places;
+    limits.may_hold = options_.may_hold;
     limits.threads = options_.threads > 0 ? options_.threads : ProcessorCount();
     limits.stop = [this, part] {
       if (IsCancelled(options_.control)) return true;

@@ -6,11 +6,10 @@
 #include <cmath>
 #include <limits>
 #include <memory>
-#include <system_error>
-#include <thread>
 #include <utility>
 
 #include "query/compare/curve.h"
+#include "query/compare/helpers.h"
 #include "query/compare/outward.h"
 #include "query/compare/touching.h"
 #include "store/base/out_of_memory.h"
@@ -28,6 +27,7 @@ constexpr uint64_t kNoLimit = std::numeric_limits<uint64_t>::max();
 // That make one item: the next level has some eight triangles for each.
 constexpr size_t kDoubtsOfItem = 16'384;
 constexpr size_t kTrianglesPerTake = 64;
+constexpr uint64_t kTreeBytes = 64;  // of a tree of boxes, for each triangle
 // Of all triangles of an item together, beside what each may have in any case.
 constexpr size_t kMostParts = size_t{1} << 18, kMostPartsAtLast = size_t{1} << 22;
 constexpr double kPlaceAsAWhole = 1.0 / 16;  // so small are places that are not looked into
@@ -42,20 +42,6 @@ double FarthestBetween(const Box3d& a, const Box3d& b) {
     far2 += far * far;
   }
   return Up(std::sqrt(far2));
-}
-
-// Runs `work` on this thread and up to `threads` - 1 others, fewer where no more can be made.
-template <typename Work>
-void WithHelpers(size_t threads, const Work& work) {
-  std::vector<std::thread> helpers;
-  static_cast<void>(TryAllocate([&] {
-    try {
-      while (helpers.size() + 1 < threads) helpers.emplace_back(work);
-    } catch (const std::system_error&) {
-    }
-  }));
-  work();
-  for (std::thread& helper : helpers) helper.join();
 }
 
 double HighestOf(auto first, auto last) {
@@ -83,7 +69,7 @@ OneSided::OneSided(const Side& asking, const Side& answering, const OneSidedLimi
       answering_(answering),
       limits_(limits),
       goals_(limits.tolerance, limits.width, limits.reach),
-      places_(limits.reach) {
+      places_(limits.reach, limits.most_places) {
   if (asking.empty()) return;
   outward_ = kOutward * std::max(LargestMagnitude(asking.bounds()),
                                  answering.empty() ? 0 : LargestMagnitude(answering.bounds()));
@@ -119,7 +105,19 @@ void OneSided::MakeThresholds() {
 
 void OneSided::Push(Item item) {
   item.number = numbers_++;
+  item_bytes_ += item.doubts.size() * sizeof(Doubt);
   items_.push(std::move(item));
+}
+
+void OneSided::Pop() {
+  item_bytes_ -= items_.top().doubts.size() * sizeof(Doubt);
+  items_.pop();
+}
+
+bool OneSided::MayHold(uint64_t bytes) {
+  if (!limits_.may_hold || limits_.may_hold(item_bytes_ + bytes)) return true;
+  out_of_memory_ = true;
+  return false;
 }
 
 Status OneSided::Run() {
@@ -128,13 +126,13 @@ Status OneSided::Run() {
     return Status::Ok();
   }
   while (!items_.empty() && !stopped_) {
-    if (limits_.stop()) {
+    if (limits_.stop() || !MayHold(0)) {
       stopped_ = true;
       break;
     }
     if (goals_.Met(0, items_.top().high)) {
       proved_high_ = std::max(proved_high_, items_.top().high);
-      items_.pop();
+      Pop();
       continue;
     }
     // It stays there until it has been looked at, in case that is interrupted.
@@ -184,8 +182,10 @@ Status OneSided::Compare(const Item& item, const Patch& asking, const BoxSetPtr&
   question.most_parts =
       (last ? kMostPartsAtLast : kMostParts) / (asking.triangles.size() + 1) + (last ? 4096 : 256);
   std::vector<GapAnswer> answers(asking.triangles.size());
-  if (Ask(asking.triangles, question, &answers)) {
-    items_.pop();
+  const uint64_t held_bytes = asking.triangles.size() * (sizeof(Triangle3d) + sizeof(GapAnswer)) +
+                              answering->triangles.size() * (2 * sizeof(Triangle3d) + kTreeBytes);
+  if (Ask(asking.triangles, question, held_bytes, &answers)) {
+    Pop();
     Gather(item, answers);
   }
   return Status::Ok();
@@ -229,7 +229,7 @@ bool OneSided::PushHalves(const Item& item) {
   halves[0].assign(doubts.begin(), middle);
   halves[1].assign(middle, doubts.end());
   const size_t level = item.level;
-  items_.pop();
+  Pop();
   for (std::vector<Doubt>& half : halves) {
     const double high = HighestOf(half.begin(), half.end());
     Push({std::move(half), false, high, level, 0});
@@ -238,15 +238,19 @@ bool OneSided::PushHalves(const Item& item) {
 }
 
 bool OneSided::Ask(const std::vector<Triangle3d>& triangles, const GapQuestion& question,
-                   std::vector<GapAnswer>* answers) {
+                   uint64_t held_bytes, std::vector<GapAnswer>* answers) {
   std::atomic<size_t> next{0};
+  std::atomic<uint64_t> held{held_bytes};
   std::atomic<bool> stop{false}, out_of_memory{false};
   const auto work = [&] {
     TriangleGap gap(question, &goals_);
     for (size_t first; !stop && (first = next.fetch_add(kTrianglesPerTake)) < triangles.size();) {
-      if (limits_.stop()) stop = true;
+      if (limits_.stop() || !MayHold(held)) stop = true;
       const size_t last = std::min(first + kTrianglesPerTake, triangles.size());
-      for (size_t i = first; i < last && !stop; ++i) (*answers)[i] = gap.Find(triangles[i]);
+      for (size_t i = first; i < last && !stop; ++i) {
+        GapAnswer& answer = (*answers)[i] = gap.Find(triangles[i]);
+        held += (answer.doubts.capacity() + answer.excesses.capacity()) * sizeof(GapPart);
+      }
     }
   };
   const auto safely = [&] {
@@ -358,7 +362,7 @@ void OneSided::PushGroups(std::vector<Doubt> doubts, size_t level, bool most) {
 
 OneSidedDistance OneSided::Take() {
   OneSidedDistance result;
-  for (; !items_.empty(); items_.pop()) {
+  for (; !items_.empty(); Pop()) {
     const Item& item = items_.top();
     proved_high_ = std::max(proved_high_, item.high);
     LeaveUndecided(item.doubts);

@@ -2,6 +2,7 @@
 // OneSided: the distance of one surface's points from another one, from coarse to fine.
 #pragma once
 
+#include <atomic>
 #include <cstdint>
 #include <functional>
 #include <optional>
@@ -20,6 +21,9 @@ struct OneSidedLimits {
   std::optional<double> tolerance, width, reach;
   RegionPtr region;
   unsigned threads = 1;
+  size_t most_places = 0;
+  // As that of CompareOptions; may be null.
+  std::function<bool(uint64_t bytes)> may_hold;
   // Asked now and then, by any thread: true ends the work.
   std::function<bool()> stop;
 };
@@ -38,6 +42,7 @@ class OneSided {
   uint64_t triangles() const { return triangles_; }
   const Side::Reading& reading() const { return reading_; }
   bool stopped() const { return stopped_; }
+  bool out_of_memory() const { return out_of_memory_; }
 
  private:
   // Points of the asking surface in a box, none of them farther from the other surface than `high`;
@@ -57,6 +62,9 @@ class OneSided {
 
   void MakeThresholds();
   void Push(Item item);
+  void Pop();
+  // Beside the items. False: it ends here.
+  bool MayHold(uint64_t bytes);
   Status Look(Item item);
   Status Compare(const Item& item, const Patch& asking, const BoxSetPtr& boxes);
   // The other surface within a distance of an item; nothing where that is too much and the item was
@@ -66,7 +74,7 @@ class OneSided {
   bool PushHalves(const Item& item);
   // Asks all triangles, with all threads. False: it was stopped.
   bool Ask(const std::vector<Triangle3d>& triangles, const GapQuestion& question,
-           std::vector<GapAnswer>* answers);
+           uint64_t held_bytes, std::vector<GapAnswer>* answers);
   void Gather(const Item& item, const std::vector<GapAnswer>& answers);
   void LeaveRims(const std::vector<GapAnswer>& answers, std::vector<Doubt>* doubts);
   void AddDoubts(const std::vector<GapPart>& parts, std::vector<Doubt>* doubts) const;
@@ -84,7 +92,9 @@ class OneSided {
   double proved_high_ = 0;  // of all that is in no item
   double outward_ = 0;
   uint64_t numbers_ = 0, triangles_ = 0;
+  uint64_t item_bytes_ = 0;
   bool stopped_ = false;
+  std::atomic<bool> out_of_memory_{false};
   Side::Reading reading_;
 };
 

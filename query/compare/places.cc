@@ -10,6 +10,8 @@
 namespace mtdb::internal {
 namespace {
 
+constexpr size_t kLeastToJoin = 4096;  // parts at a time
+
 void Swallow(ComparePlace& place, const ComparePlace& other) {
   place.box.Add(other.box);
   if (other.verdict == CompareVerdict::kExceeds) place.verdict = other.verdict;
@@ -26,11 +28,15 @@ void Swallow(ComparePlace& place, const ComparePlace& other) {
 void Places::Add(const ComparePlace& part) {
   places_.push_back(part);
   places_.back().missing = reach_ && part.distance.low > *reach_;
-  if (places_.size() < kMost) return;
+  if (places_.size() >= std::max(2 * most_, kLeastToJoin)) JoinUntilFew();
+}
+
+void Places::JoinUntilFew() {
   Join(0);
   Box3d around;
   for (const ComparePlace& p : places_) around.Add(p.box);
-  for (double within = Diagonal(around) * 0x1p-12; places_.size() > kMost / 2; within *= 2) {
+  for (double within = Diagonal(around) * 0x1p-12; places_.size() > std::max<size_t>(most_, 1);
+       within *= 2) {
     Join(within);
   }
 }
@@ -51,7 +57,7 @@ void Places::Join(double within) {
 }
 
 std::vector<ComparePlace> Places::Take() {
-  Join(0);
+  JoinUntilFew();
   std::ranges::sort(places_, [](const ComparePlace& a, const ComparePlace& b) {
     if (a.distance.low != b.distance.low) return a.distance.low > b.distance.low;
     return a.distance.high > b.distance.high;

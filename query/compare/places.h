@@ -13,21 +13,21 @@ namespace mtdb::internal {
 // One thread.
 class Places {
  public:
-  explicit Places(std::optional<double> reach) : reach_(reach) {}
+  Places(std::optional<double> reach, size_t most) : reach_(reach), most_(most) {}
 
   // A part that exceeds the tolerance, or may.
   void Add(const ComparePlace& part);
-  // The farthest first.
+  // The farthest first; at most `most`, and one.
   std::vector<ComparePlace> Take();
 
  private:
   // Makes one place of those whose boxes, grown by this, meet.
   void Join(double within);
+  // Joins what touches, and what is nearer and nearer while more than `most_` places are left.
+  void JoinUntilFew();
 
-  // So many parts are joined at a time; more places than half of it come nearer to each other,
-  // until they are fewer.
-  static constexpr size_t kMost = size_t{1} << 16;
   const std::optional<double> reach_;
+  const size_t most_;
   std::vector<ComparePlace> places_;
 };
 

@@ -396,7 +396,8 @@ void AddNamesInPython(const std::string& text, Names* names) {
     const std::string& name = function[0][2];
     const bool wanted =
         function[0][1].empty()
-            ? IsIn(name, {"compare", "open_database", "connect", "fetch", "read_mesh", "png"})
+            ? IsIn(name, {"compare", "compare_heights", "open_database", "connect", "fetch",
+                          "read_mesh", "png"})
             : !type.empty() && (!name.starts_with("_") || (type == "Mesh" && name == "__init__"));
     if (!wanted) continue;
     size_t end = open;

@@ -66,3 +66,32 @@ def test_what_means_nothing_is_refused(pair: Any) -> None:
                   {"transform": np.eye(3)}, {"transform": np.zeros((4, 4))}):
         with pytest.raises(mtdb.InvalidArgument):
             mtdb.compare(before, after, **wrong)
+
+
+def test_heights_of_terrains_and_volumes(tmp_path: Path) -> None:
+    ramp = np.add.outer(np.arange(20.0), np.arange(30.0))
+    with mtdb.open(tmp_path / "t.mtdb", create=True) as db:
+        db.ingest_heights(ramp, name="may")
+        raised = ramp.copy()
+        raised[10, 12] += 3
+        raised[4, 5] -= 2
+        db.ingest_heights(raised, name="june")
+        found = mtdb.compare_heights(db["may"], db["june"], width=0)
+        assert found.rise.low == pytest.approx(3) and found.rise.high == pytest.approx(3)
+        assert found.rise.point is not None
+        assert found.rise.point == pytest.approx([12, -10, 25])
+        assert found.fall.high == pytest.approx(2)
+        # Pyramids over six triangles of half a cell.
+        assert found.fill_volume == pytest.approx((3, 3))
+        assert found.cut_volume == pytest.approx((2, 2))
+        assert found.net_volume == pytest.approx((1, 1), abs=1e-6)
+        assert found.area_both == pytest.approx((19 * 29, 19 * 29))
+        assert found.metres_of_unit == (1, 1) and not found.out_of_time
+        part = mtdb.compare_heights(db["may"], db["june"], width=0, window=[10, -19, 29, 0])
+        assert part.cut_volume[1] < 1e-6 and part.fill_volume == pytest.approx((3, 3))
+        assert mtdb.compare_heights(db["may"], db["june"], tolerance=3.1).verdict == "within"
+        assert mtdb.compare_heights(db["may"], db["june"], tolerance=2.9).verdict == "exceeds"
+        assert mtdb.compare_heights(db["may"], db["may"]).identical
+        for wrong in ({"tolerance": -1}, {"window": [0, 0, 1]}, {"window": [1, 1, 0, 0]}):
+            with pytest.raises(mtdb.InvalidArgument):
+                mtdb.compare_heights(db["may"], db["june"], **wrong)

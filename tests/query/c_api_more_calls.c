@@ -663,6 +663,27 @@ static void write_grid(const char* file) {
 }
 
 /* All heights come back as they were, by samples, by places and along a line. */
+static void check_height_changes(mtdb_object* terrain) {
+  const double window[4] = {3, 1, 2, 4};
+  mtdb_height_change_options options;
+  mtdb_json* json = NULL;
+  MTDB_INIT(options);
+  OK(mtdb_compare_heights(terrain, terrain, NULL, &json, &error));
+  CHECK(strstr(mtdb_get_json_text(json), "\"identical\":true") != NULL);
+  CHECK(strstr(mtdb_get_json_text(json), "\"fill_volume\":{\"low\":0") != NULL);
+  mtdb_free_json(json);
+  FAILS(MTDB_INVALID_ARGUMENT, "json",
+        mtdb_compare_heights(terrain, terrain, &options, NULL, &error));
+  options.has_width = 1;
+  options.width = -1;
+  FAILS(MTDB_INVALID_ARGUMENT, "width",
+        mtdb_compare_heights(terrain, terrain, &options, &json, &error));
+  options.width = 0;
+  options.window = window;
+  FAILS(MTDB_INVALID_ARGUMENT, "window",
+        mtdb_compare_heights(terrain, terrain, &options, &json, &error));
+}
+
 static void check_heights(mtdb_object* terrain) {
   mtdb_probe_options options;
   mtdb_height_cost cost;
@@ -700,6 +721,7 @@ static void check_heights(mtdb_object* terrain) {
   options.error = -1;
   FAILS(MTDB_INVALID_ARGUMENT, "options.error",
         mtdb_find_heights(terrain, places, 2, &options, found, NULL, &error));
+  check_height_changes(terrain);
   places[2] = 106, places[3] = 200; /* three samples on */
   OK(mtdb_find_profile(terrain, places, 2, NULL, &profile, &cost, &error));
   CHECK(mtdb_count_profile_points(profile) >= 4);
@@ -723,6 +745,7 @@ static void check_terrains(mtdb_database* database, mtdb_object* mesh) {
   mtdb_ingest_options options;
   mtdb_object* terrain = NULL;
   mtdb_raster raster;
+  mtdb_json* json = NULL;
   char file[600];
   const char* files[2];
   const double step[6] = {100, 2, 0, 200 + 2 * (kRows - 1), 0, -2};
@@ -764,6 +787,7 @@ static void check_terrains(mtdb_database* database, mtdb_object* mesh) {
   FAILS(MTDB_INVALID_ARGUMENT, "rows",
         mtdb_ingest_heights(database, "x", &array, &options, NULL, &error));
   FAILS(MTDB_INVALID_ARGUMENT, "raster", mtdb_get_raster(mesh, NULL, NULL, &raster, &error));
+  FAILS(MTDB_INVALID_ARGUMENT, "terrain", mtdb_compare_heights(mesh, mesh, NULL, &json, &error));
   FAILS(MTDB_INVALID_ARGUMENT, "terrain",
         mtdb_find_heights(mesh, step, 1, NULL, read_heights, NULL, &error));
   CHECK(mtdb_count_profile_points(NULL) == 0 && mtdb_get_profile_points(NULL) == NULL);

@@ -4,7 +4,9 @@
 
 #include <algorithm>
 
+#include "query/height_change.h"
 #include "tools/c/internal/handles.h"
+#include "tools/c/mtdb_terrain.h"
 #include "tools/request/report_json.h"
 
 namespace mtdb::internal {
@@ -34,6 +36,19 @@ Result<CompareOptions> CompareOptionsOf(const mtdb_compare_options* options) {
   return with;
 }
 
+Result<HeightChangeOptions> HeightOptionsOf(const mtdb_height_change_options* options) {
+  MTDB_ASSIGN_OR_RETURN(const mtdb_height_change_options given, Take(options, "options"));
+  HeightChangeOptions with;
+  if (given.has_tolerance != 0) with.tolerance = given.tolerance;
+  if (given.has_width != 0) with.width = given.width;
+  if (given.has_max_milliseconds != 0) with.max_milliseconds = given.max_milliseconds;
+  if (given.window != nullptr) std::copy_n(given.window, 4, with.window.emplace().begin());
+  with.as_stored = given.as_stored != 0;
+  with.threads = given.threads;
+  with.control = ControlOf(given.control);
+  return with;
+}
+
 }  // namespace
 }  // namespace mtdb::internal
 
@@ -47,6 +62,22 @@ mtdb_code mtdb_compare(mtdb_object* a, mtdb_object* b, const mtdb_compare_option
     MTDB_ASSIGN_OR_RETURN(const mtdb::Comparison found, Compare(*a->surface, *b->surface, with));
     *json = new mtdb_json{
         mtdb::ComparisonJson(a->surface->record(), b->surface->record(), found).Text()};
+    return mtdb::Status::Ok();
+  });
+}
+
+mtdb_code mtdb_compare_heights(mtdb_object* a, mtdb_object* b,
+                               const mtdb_height_change_options* options, mtdb_json** json,
+                               mtdb_error* error) {
+  using mtdb::internal::NeedAll;
+  return mtdb::internal::Guarded(error, [&]() -> mtdb::Status {
+    MTDB_RETURN_IF_ERROR(NeedAll({{a, "a"}, {b, "b"}, {json, "json"}}));
+    MTDB_ASSIGN_OR_RETURN(const mtdb::HeightChangeOptions with,
+                          mtdb::internal::HeightOptionsOf(options));
+    MTDB_ASSIGN_OR_RETURN(const mtdb::HeightChange found,
+                          CompareHeights(*a->surface, *b->surface, with));
+    *json = new mtdb_json{
+        mtdb::HeightChangeJson(a->surface->record(), b->surface->record(), found).Text()};
     return mtdb::Status::Ok();
   });
 }

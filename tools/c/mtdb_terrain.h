@@ -89,6 +89,28 @@ MTDB_API size_t mtdb_count_profile_points(const mtdb_profile* profile);
 MTDB_API const double* mtdb_get_profile_points(const mtdb_profile* profile);
 MTDB_API void mtdb_free_profile(mtdb_profile* profile);
 
+/* Heights of two terrains. */
+
+typedef struct mtdb_height_change_options {
+  size_t struct_bytes;
+  int has_tolerance; /* not 0: is no height of b farther from that of a than `tolerance`? */
+  double tolerance;
+  int has_width; /* 0: without a tolerance 1/10,000 of the range of heights */
+  double width;  /* rise and fall become known to within this, volumes to within this times area */
+  int has_max_milliseconds;
+  double max_milliseconds;
+  const double* window;        /* least x and y, largest x and y; NULL: all */
+  int as_stored;               /* not 0: stored heights are compared, not those before rounding */
+  uint32_t threads;            /* 0: as many as the machine has */
+  const mtdb_control* control; /* cancels */
+} mtdb_height_change_options;
+/* How much higher and lower b is than a, straight up and down, and the volumes of cut and fill
+ * between them, with a proof. `json`: what docs/json.md says of mtdb/height_change/1, without
+ * "seconds". `options` may be NULL. */
+MTDB_API mtdb_code mtdb_compare_heights(mtdb_object* a, mtdb_object* b,
+                                        const mtdb_height_change_options* options, mtdb_json** json,
+                                        mtdb_error* error);
+
 /* NOLINTEND(readability-identifier-naming) */
 
 #ifdef __cplusplus

@@ -33,6 +33,16 @@ Json IntervalJson(const DistanceInterval& interval) {
   return {{"low", LengthJson(interval.low)}, {"high", LengthJson(interval.high)}};
 }
 
+Json IntervalJson(const ValueInterval& interval) {
+  return {{"low", LengthJson(interval.low)}, {"high", LengthJson(interval.high)}};
+}
+
+Json LargestChangeJson(const LargestChange& change) {
+  Json json = {{"height", IntervalJson(change.height)}};
+  if (change.point) json["point"] = Json(*change.point);
+  return json;
+}
+
 Json OneSidedJson(const OneSidedDistance& side) {
   Json json = {{"distance", IntervalJson(side.distance)}, {"verdict", VerdictName(side.verdict)}};
   if (side.point) json["point"] = Json(*side.point);
@@ -187,13 +197,36 @@ Json ComparisonJson(const ObjectRecord& a, const ObjectRecord& b, const Comparis
                {"identical", comparison.identical},
                {"verdict", VerdictName(comparison.verdict)},
                {"distance", IntervalJson(comparison.distance)},
-               {"out_of_time", comparison.out_of_time}};
+               {"out_of_time", comparison.out_of_time},
+               {"out_of_memory", comparison.out_of_memory}};
   if (comparison.a_to_b) json["a_to_b"] = OneSidedJson(*comparison.a_to_b);
   if (comparison.b_to_a) json["b_to_a"] = OneSidedJson(*comparison.b_to_a);
   json["triangles"] = comparison.triangles;
   json["clusters_read"] = comparison.clusters_read;
   json["clusters_total"] = comparison.clusters_total;
   json["bytes_read"] = comparison.bytes_read;
+  return json;
+}
+
+Json HeightChangeJson(const ObjectRecord& a, const ObjectRecord& b, const HeightChange& change) {
+  Json json = {{"object", a.name},
+               {"other", b.name},
+               {"identical", change.identical},
+               {"verdict", VerdictName(change.verdict)},
+               {"rise", LargestChangeJson(change.rise)},
+               {"fall", LargestChangeJson(change.fall)},
+               {"fill_volume", IntervalJson(change.fill_volume)},
+               {"cut_volume", IntervalJson(change.cut_volume)},
+               {"net_volume", IntervalJson(change.net_volume)},
+               {"area_both", IntervalJson(change.area_both)},
+               {"area_a", IntervalJson(change.area_a)},
+               {"area_b", IntervalJson(change.area_b)},
+               {"metres_of_unit", MetresOfUnit(a)},
+               {"out_of_time", change.out_of_time},
+               {"triangles", change.triangles},
+               {"clusters_read", change.clusters_read},
+               {"clusters_total", change.clusters_total},
+               {"bytes_read", change.bytes_read}};
   return json;
 }
 

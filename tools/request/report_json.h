@@ -8,6 +8,7 @@
 
 #include "query/compare.h"
 #include "query/cut.h"
+#include "query/height_change.h"
 #include "query/probe.h"
 #include "store/base/json.h"
 #include "store/object_record.h"
@@ -26,6 +27,7 @@ Json ChecksJson(const CheckReport& report);
 Json ProbeJson(const ObjectRecord& record, const ProbeAnswer& answer, bool ray);
 // What a comparison of two objects found. Infinite distances are null.
 Json ComparisonJson(const ObjectRecord& a, const ObjectRecord& b, const Comparison& comparison);
+Json HeightChangeJson(const ObjectRecord& a, const ObjectRecord& b, const HeightChange& change);
 // "within", "exceeds", "undecided".
 const char* VerdictName(CompareVerdict verdict);
 // "accuracy", "triangles", ...

@@ -122,6 +122,66 @@ TEST_CASE("diff writes a query of the places, which extract takes", "[cli]") {
   CHECK(std::ranges::any_of(mesh.positions, [](Vec3d p) { return p.z == 0.5; }));
 }
 
+TEST_CASE("diff writes a polygon for each place, and says that it is not known where they are",
+          "[cli]") {
+  const Pair pair;
+  const std::string file = pair.folder.File("places.geojson");
+  const Outcome outcome = Run(pair.Diff({"--tolerance", "0.4", "--geojson", file}));
+  CHECK(outcome.exit_code == 3);
+  CHECK_THAT(outcome.out, Catch::Contains("places.geojson: the coordinates are the object's own"));
+  const Json json = Json::parse(ReadText(file));
+  REQUIRE(json.at("features").size() == 2);
+  const Json& ring = json.at("features").at(1).at("geometry").at("coordinates").at(0);
+  CHECK(json.at("features").at(1).at("properties").at("of") == "b");
+  CHECK(ring.size() == 5);
+  CHECK(ring.at(0).at(0) < 7);
+  CHECK(ring.at(2).at(0) > 7);
+  CHECK(ring.at(0).at(1) < 12);
+  CHECK(ring.at(2).at(1) > 12);
+  CHECK(Run(pair.Diff({"--tolerance", "0.6", "--geojson", file})).exit_code == 0);
+  CHECK(Json::parse(ReadText(file)).at("features").empty());
+  RunFails(1, pair.Diff({"--geojson", pair.folder.File("none/a.geojson")}), {"a.geojson"});
+}
+
+TEST_CASE("diff --heights tells rise and fall, and the volumes of cut and fill", "[cli]") {
+  const Folder folder;
+  const std::string store = folder.File("hills.mtdb");
+  for (const auto& [name, height] : {std::pair{"may", 0.0}, {"june", 0.5}}) {
+    const std::string file = folder.File(std::string(name) + ".obj");
+    WriteText(file, Pair::Sheet(height));
+    RunOk({"ingest", file, store, "--name", name, "--terrain"});
+  }
+  const auto diff = [&](Arguments more) {
+    Arguments all{"diff", store, store, "--name", "may", "--other", "june", "--heights"};
+    all.insert(all.end(), more.begin(), more.end());
+    return all;
+  };
+  // A pyramid over four triangles of half a square each.
+  const Json json = RunJson(diff({"--width", "0", "--as-stored"}));
+  CHECK(json.at("schema") == "mtdb/height_change/1");
+  CHECK(json.at("fill_volume").at("low") == Approx(1.0 / 3));
+  CHECK(json.at("fill_volume").at("high") == Approx(1.0 / 3));
+  CHECK(json.at("cut_volume").at("high") <= 1e-9);
+  CHECK(json.at("area_both").at("low") == Approx(400));
+  CHECK(json.at("rise").at("height").at("low") == Approx(0.5));
+  CHECK(json.at("rise").at("point") == Json::parse("[7, 12, 0.5]"));
+  CHECK_FALSE(json.at("fall").contains("point"));
+  CHECK(RunJson(diff({"--width", "0", "--window=0,0,7,20"})).at("fill_volume").at("high") < 0.17);
+  CHECK(Run(diff({"--tolerance", "0.6"})).exit_code == 0);
+  CHECK(Run(diff({"--tolerance", "0.4"})).exit_code == 3);
+  CHECK(Run(diff({"--tolerance", "0.4", "--max-milliseconds", "0"})).exit_code == 4);
+  CHECK_THAT(RunOk(diff({"--width", "0"})), Catch::Contains("B is above A by at most: 0.5") &&
+                                                Catch::Contains("fill, above A and below B"));
+  RunFails(2, diff({"--reach", "1"}), {"--reach", "--heights"});
+  RunFails(2, diff({"--asks", "a"}), {"--asks", "--heights"});
+  RunFails(2, diff({"--box=0,0,0,1,1,1"}), {"--heights", "--window"});
+  RunFails(2, diff({"--csv", folder.File("a.csv")}), {"--csv", "--heights"});
+  RunFails(2, diff({"--window=0,0,1"}), {"--window"});
+  const Pair pair;
+  RunFails(2, pair.Diff({"--window=0,0,1,1"}), {"--window", "--heights"});
+  RunFails(1, pair.Diff({"--heights"}), {"is no terrain"});
+}
+
 TEST_CASE("diff stores the map of the distances, also into the store that it reads", "[cli]") {
   const Pair pair;
   CHECK(Run(pair.Diff({"--tolerance", "0.4", "--into", pair.store, "map"})).exit_code == 3);

@@ -83,6 +83,20 @@ void MakeScan(const Folder& folder) {
   }
 }
 
+// What the guide compares: a scan, and a terrain, each beside itself on another grid.
+void MakePairs(const Folder& folder) {
+  RunOk({"generate", "sculpture", folder.File("pair.ply"), "--triangles", "5000"});
+  RunOk({"generate", "terrain", folder.File("hills.ply"), "--triangles", "5000"});
+  for (const auto& [mesh, store, bits] : {std::array{"pair.ply", "before.mtdb", "16"},
+                                          {"pair.ply", "after.mtdb", "20"},
+                                          {"hills.ply", "may.mtdb", "16"},
+                                          {"hills.ply", "june.mtdb", "20"}}) {
+    Arguments arguments{"ingest", folder.File(mesh), folder.File(store), "--bits", bits};
+    if (mesh == std::string("hills.ply")) arguments.push_back("--terrain");
+    RunOk(arguments);
+  }
+}
+
 // The words of each command of mtdb in a text: behind "    mtdb " to a comment or a pipe, and
 // between `mtdb and `.
 std::vector<Arguments> CommandsIn(const std::string& text) {
@@ -165,6 +179,7 @@ TEST_CASE("the commands of the guide run as they stand", "[cli]") {
   const Folder folder;
   const std::vector<std::string> commands = CommandsOf("docs/guide.md");
   CHECK(commands.size() >= 15);
+  MakePairs(folder);
   for (const std::string& command : commands) RunAsPrinted(folder, command);
 }
 

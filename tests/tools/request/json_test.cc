@@ -16,7 +16,7 @@ TEST_CASE("every verb answers in JSON as docs/json.md has it", "[cli]") {
     tables.Check(answer);
     // Some verbs have answers of several kinds.
     const std::set<std::string> others{"mtdb/survey/1", "mtdb/raster/1", "mtdb/heights/1",
-                                       "mtdb/raster_file/1"};
+                                       "mtdb/raster_file/1", "mtdb/height_change/1"};
     if (arguments[0] != "info" && !others.contains(answer["schema"])) {
       CHECK(answer["schema"] == "mtdb/" + arguments[0] + "/1");
     }
@@ -64,7 +64,14 @@ TEST_CASE("every verb answers in JSON as docs/json.md has it", "[cli]") {
   run({"probe", store, "--name", "t", "--ray", "5,5,50,0,0,-1"});
   run({"probe", store, "--name", "t", "--ray", "5,5,50,0,0,1"});
   run({"diff", store, store, "--name", "t", "--other", "patch", "--into", folder.File("map.mtdb"),
-       "map"});
+       "map", "--geojson", folder.File("places.geojson")});
+  run({"generate", "terrain", folder.File("t2.ply"), "--triangles", "20k", "--seed", "2"});
+  for (const std::string name : {"t", "t2"}) {
+    run({"ingest", folder.File(name + ".ply"), folder.File("hills.mtdb"), "--name", name,
+         "--terrain"});
+  }
+  run({"diff", folder.File("hills.mtdb"), folder.File("hills.mtdb"), "--name", "t", "--other", "t2",
+       "--heights", "--width", "10%"});
   const Outcome differs = Run({"diff", store, store, "--name", "t", "--other", "patch",
                                "--tolerance", "1e-6", "--reach", "0.1", "--json"});
   CHECK(differs.exit_code == 3);

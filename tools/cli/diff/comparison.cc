@@ -8,8 +8,8 @@
 #include <vector>
 
 #include "builder/build.h"
-#include "query/query_from_json.h"
 #include "store/database.h"
+#include "tools/cli/diff/place_files.h"
 #include "tools/cli/grouped.h"
 #include "tools/request/arguments.h"
 #include "tools/request/report_json.h"
@@ -19,26 +19,13 @@ namespace {
 
 constexpr int kExceedsStatus = 3, kUndecidedStatus = 4;
 constexpr size_t kPlacesTold = 10;
-constexpr size_t kPlacesOfQuery = 2000;  // of each object; a query has at most 4096 regions
 
 Result<CompareOptions> OptionsOf(const DiffArguments& arguments, const ObjectRecord& record) {
-  CompareOptions options;
-  const auto length = [&](const std::optional<AskedError>& asked) -> std::optional<double> {
-    if (!asked) return std::nullopt;
-    return ErrorModelOf(asked, record.diagonal());
-  };
-  options.tolerance = length(arguments.tolerance);
-  options.width = length(arguments.width);
-  options.reach = length(arguments.reach);
-  options.max_milliseconds = arguments.max_milliseconds;
-  options.transform = arguments.transform;
-  options.a_asks = arguments.asks != "b";
-  options.b_asks = arguments.asks != "a";
-  options.as_stored = arguments.as_stored;
+  CompareRequest request = arguments.request;
+  MTDB_ASSIGN_OR_RETURN(Json query, QueryOf(arguments.region, {}));
+  request.region = query.Take("region");
+  MTDB_ASSIGN_OR_RETURN(CompareOptions options, CompareOptionsOf(request, record));
   options.threads = arguments.threads;
-  MTDB_ASSIGN_OR_RETURN(const Json json, QueryOf(arguments.region, {}));
-  MTDB_ASSIGN_OR_RETURN(const Query query, QueryFromJson(json, record));
-  options.region = query.region;
   return options;
 }
 
@@ -69,7 +56,7 @@ void PrintSide(const DiffArguments& arguments, const char* whose, const OneSided
                 PointText(place.box.min).c_str(), PointText(place.box.max).c_str());
   }
   if (told < side.places.size()) {
-    std::printf("    and %s more places; --verbose prints all, --csv writes them\n",
+    std::printf("    and %s more places; --verbose prints all, --csv and --geojson write them\n",
                 Grouped(side.places.size() - told).c_str());
   }
 }
@@ -85,7 +72,7 @@ void PrintComparison(const DiffArguments& arguments, const Comparison& found, do
     std::printf("identical: both are copies of one object\n");
     return;
   }
-  if (arguments.tolerance) {
+  if (arguments.request.tolerance) {
     std::printf("%s%s%s\n",
                 found.verdict == CompareVerdict::kWithin    ? "within the tolerance everywhere"
                 : found.verdict == CompareVerdict::kExceeds ? "exceeds the tolerance"
@@ -104,45 +91,15 @@ void PrintComparison(const DiffArguments& arguments, const Comparison& found, do
               1e3 * seconds);
 }
 
-Status WritePlaces(const std::string& path, const Comparison& found) {
-  std::FILE* const file = std::fopen(path.c_str(), "w");
-  if (file == nullptr) return IoError(path + ": cannot be written");
-  std::fprintf(file, "of,verdict,missing,low,high,x,y,z,min_x,min_y,min_z,max_x,max_y,max_z\n");
-  const auto write = [&](const char* of, const std::optional<OneSidedDistance>& side) {
-    if (!side) return;
-    for (const ComparePlace& p : side->places) {
-      std::fprintf(file,
-                   "%s,%s,%d,%.17g,%.17g,%.17g,%.17g,%.17g,%.17g,%.17g,%.17g,%.17g,%.17g,%.17g\n",
-                   of, VerdictName(p.verdict), p.missing ? 1 : 0, p.distance.low, p.distance.high,
-                   p.point.x, p.point.y, p.point.z, p.box.min.x, p.box.min.y, p.box.min.z,
-                   p.box.max.x, p.box.max.y, p.box.max.z);
-    }
-  };
-  write("a", found.a_to_b);
-  write("b", found.b_to_a);
-  const bool written = std::ferror(file) == 0;
-  return std::fclose(file) == 0 && written ? Status::Ok() : IoError(path + ": cannot be written");
-}
-
-// A query for what lies in the boxes of the places, as extract --query takes it, the farthest
-// first. Without places there is no region, and nothing is written.
-Status WriteQuery(const std::string& path, const Comparison& found) {
-  Json::Array boxes;
-  for (const std::optional<OneSidedDistance>* side : {&found.a_to_b, &found.b_to_a}) {
-    if (!*side) continue;
-    const std::vector<ComparePlace>& places = (*side)->places;
-    for (size_t i = 0; i < std::min(places.size(), kPlacesOfQuery); ++i) {
-      const Box3d& box = places[i].box;
-      boxes.push_back({{"box", {{"min", Json(box.min)}, {"max", Json(box.max)}}}});
-    }
+// All but the map.
+Status WriteFiles(const DiffFiles& files, const ObjectRecord& a, const Comparison& found,
+                  std::string* note) {
+  if (!files.csv.empty()) MTDB_RETURN_IF_ERROR(WritePlacesCsv(files.csv, found));
+  if (!files.places_query.empty()) {
+    MTDB_RETURN_IF_ERROR(WritePlacesQuery(files.places_query, found));
   }
-  if (boxes.empty()) return Status::Ok();
-  std::FILE* const file = std::fopen(path.c_str(), "w");
-  if (file == nullptr) return IoError(path + ": cannot be written");
-  PrintJson({{"region", {{"union", std::move(boxes)}}}, {"threshold", "full"}, {"clip", true}},
-            file);
-  const bool written = std::ferror(file) == 0;
-  return std::fclose(file) == 0 && written ? Status::Ok() : IoError(path + ": cannot be written");
+  if (files.geojson.empty()) return Status::Ok();
+  return WritePlacesGeoJson(files.geojson, a.georeference, found, note);
 }
 
 // Each vertex of A with the interval of its distance, as an object of its own.
@@ -159,12 +116,12 @@ Status WriteMap(const DiffArguments& arguments, const Surface& a, const Surface&
   return BuildObject(produce, build, *writer).status();
 }
 
-int ExitStatusOf(const DiffArguments& arguments, const Comparison& found) {
-  if (!arguments.tolerance || found.verdict == CompareVerdict::kWithin) return 0;
-  return found.verdict == CompareVerdict::kExceeds ? kExceedsStatus : kUndecidedStatus;
-}
-
 }  // namespace
+
+int DiffStatus(bool has_tolerance, CompareVerdict verdict) {
+  if (!has_tolerance || verdict == CompareVerdict::kWithin) return 0;
+  return verdict == CompareVerdict::kExceeds ? kExceedsStatus : kUndecidedStatus;
+}
 
 Result<Transform> ParseTransform(const std::string& text) {
   MTDB_ASSIGN_OR_RETURN(const std::vector<double> numbers,
@@ -181,20 +138,20 @@ Status Diff(const DiffArguments& arguments, Invocation& invocation) {
   MTDB_ASSIGN_OR_RETURN(const CompareOptions options, OptionsOf(arguments, a->record()));
   MTDB_ASSIGN_OR_RETURN(const Comparison found, Compare(*a, *b, options));
   const std::chrono::duration<double> seconds = std::chrono::steady_clock::now() - begin;
-  if (!arguments.files.csv.empty()) MTDB_RETURN_IF_ERROR(WritePlaces(arguments.files.csv, found));
-  if (!arguments.files.places_query.empty()) {
-    MTDB_RETURN_IF_ERROR(WriteQuery(arguments.files.places_query, found));
-  }
+  std::string note;
+  MTDB_RETURN_IF_ERROR(WriteFiles(arguments.files, a->record(), found, &note));
   if (!arguments.files.into.empty()) MTDB_RETURN_IF_ERROR(WriteMap(arguments, *a, *b, options));
   if (arguments.json) {
     Json json = ComparisonJson(a->record(), b->record(), found);
     if (!arguments.files.into.empty()) json["into"] = arguments.files.into[0];
+    if (!note.empty()) json["notes"] = Json::Array{note};
     json["seconds"] = {{"total", seconds.count()}};
     PrintAnswer("diff", json);
   } else {
     PrintComparison(arguments, found, seconds.count());
+    if (!note.empty()) std::printf("  %s\n", note.c_str());
   }
-  invocation.exit_status = ExitStatusOf(arguments, found);
+  invocation.exit_status = DiffStatus(arguments.request.tolerance.has_value(), found.verdict);
   return Status::Ok();
 }
 

@@ -78,7 +78,7 @@ RunVerb AddServe(VerbOptions* verb) {
             "let no session's mesh have more triangles; each takes some 250 to 700 bytes here")
       .Default("1000000");
   AddParsed(verb, "--session-memory", "SIZE", &o->service.session_memory_bytes, ParseSize,
-            "let all sessions together take so much memory; then the largest give way")
+            "let all sessions and comparisons take so much memory; then the largest give way")
       .Default("2G");
   AddParsed(verb, "--max-tmp", "SIZE", &o->service.temporary_bytes, ParseSize,
             "let all answers under way take so much of temporary files; then the largest give way")

@@ -11,7 +11,15 @@
 
 docs/python.md tells it in full. The library is libmtdb.so; the GIL is released while it works.
 """
-from ._compare import Comparison, OneSided, Place, compare
+from ._compare import (
+    Comparison,
+    HeightChange,
+    LargestChange,
+    OneSided,
+    Place,
+    compare,
+    compare_heights,
+)
 from ._database import Database, Hit, Object, Server
 from ._database import open_database as open
 from ._errors import (
@@ -50,10 +58,12 @@ __all__ = [
     "Corrupt",
     "Database",
     "ExtractStats",
+    "HeightChange",
     "HeightGrid",
     "Hit",
     "InvalidArgument",
     "IoError",
+    "LargestChange",
     "Mesh",
     "MtdbError",
     "NoSpace",
@@ -71,6 +81,7 @@ __all__ = [
     "Unsupported",
     "Update",
     "compare",
+    "compare_heights",
     "connect",
     "distance",
     "fetch",

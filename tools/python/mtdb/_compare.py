@@ -132,3 +132,88 @@ def compare(
         _one_sided(found.get("a_to_b")), _one_sided(found.get("b_to_a")), found["triangles"],
         found["clusters_read"], found["clusters_total"], found["bytes_read"],
     )
+
+
+@dataclass(frozen=True)
+class LargestChange:
+    """The largest difference of heights in one direction; 0 where there is none."""
+
+    low: float  #: it is at least this
+    high: float  #: and at most this
+    point: Optional[Array]  #: (3,): on b, where `low` was found; None while that is 0
+
+
+@dataclass(frozen=True)
+class HeightChange:
+    """How much higher or lower one terrain is than another one; pairs are at least, at most."""
+
+    verdict: str  #: within, exceeds, undecided; without a tolerance undecided
+    identical: bool  #: both are copies of one object
+    rise: LargestChange  #: of b above a
+    fall: LargestChange  #: of b below a
+    fill_volume: tuple[float, float]  #: above a and below b
+    cut_volume: tuple[float, float]  #: below a and above b
+    net_volume: tuple[float, float]  #: fill less cut
+    area_both: tuple[float, float]  #: that both cover, in units of x times y
+    area_a: tuple[float, float]  #: that a alone covers
+    area_b: tuple[float, float]  #: that b alone covers
+    metres_of_unit: tuple[float, float]  #: what 1 along x and along y is in units of height
+    out_of_time: bool
+    triangles: int  #: of all cuts that were looked at
+    clusters_read: int
+    clusters_total: int
+    bytes_read: int
+
+
+def _pair(found: Mapping[str, Any]) -> tuple[float, float]:
+    return _length(found["low"]), _length(found["high"])
+
+
+def _largest(found: Mapping[str, Any]) -> LargestChange:
+    point = np.array(found["point"]) if "point" in found else None
+    return LargestChange(*_pair(found["height"]), point)
+
+
+def compare_heights(
+    a: Object,
+    b: Object,
+    *,
+    tolerance: Optional[float] = None,
+    width: Optional[float] = None,
+    max_milliseconds: Optional[float] = None,
+    window: Optional[Sequence[float]] = None,
+    as_stored: bool = False,
+    threads: int = 0,
+) -> HeightChange:
+    """How much higher or lower terrain b is than a, straight up and down, and the volumes of cut and fill.
+
+    tolerance: is no height of b farther from that of a than this?
+    width: rise and fall become known to within it, and volumes to within it times the area of both;
+        without both 1/10,000 of the range of heights.
+    max_milliseconds: what was proved until then.
+    window: least x and y, largest x and y: of this part of the plane.
+    as_stored: of what is stored, not of the inputs, which were rounded when they were stored.
+    """
+    corners = None
+    if window is not None:
+        if len(window) != 4:
+            raise InvalidArgument(f"window: expected four numbers, found {len(window)}")
+        corners = (C.c_double * 4)(*(float(v) for v in window))
+    with interruptible() as control:
+        options = L.HeightChangeOptions(
+            has_tolerance=tolerance is not None, tolerance=tolerance or 0.0,
+            has_width=width is not None, width=width or 0.0,
+            has_max_milliseconds=max_milliseconds is not None,
+            max_milliseconds=max_milliseconds or 0.0,
+            window=C.cast(corners, C.c_void_p) if corners is not None else None,
+            as_stored=as_stored, threads=threads, control=control.value,
+        )
+        found = L.json_of("compare_heights", a._handle, b._handle, C.byref(options))
+    metres = found["metres_of_unit"]
+    return HeightChange(
+        found["verdict"], found["identical"], _largest(found["rise"]), _largest(found["fall"]),
+        _pair(found["fill_volume"]), _pair(found["cut_volume"]), _pair(found["net_volume"]),
+        _pair(found["area_both"]), _pair(found["area_a"]), _pair(found["area_b"]),
+        (metres[0], metres[1]), found["out_of_time"], found["triangles"], found["clusters_read"],
+        found["clusters_total"], found["bytes_read"],
+    )

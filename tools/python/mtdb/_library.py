@@ -143,6 +143,22 @@ class CompareOptions(Sized):
     ]
 
 
+class HeightChangeOptions(Sized):
+    _fields_ = [
+        ("struct_bytes", C.c_size_t),
+        ("has_tolerance", C.c_int),
+        ("tolerance", C.c_double),
+        ("has_width", C.c_int),
+        ("width", C.c_double),
+        ("has_max_milliseconds", C.c_int),
+        ("max_milliseconds", C.c_double),
+        ("window", Pointer),
+        ("as_stored", C.c_int),
+        ("threads", C.c_uint32),
+        ("control", Pointer),
+    ]
+
+
 class Hit(Sized):
     _fields_ = [
         ("struct_bytes", C.c_size_t),
@@ -462,6 +478,7 @@ _SIGNATURES: dict[str, list[Any]] = {
     "find_heights": [_p, _p, C.c_size_t, _p, _p, _p],
     "get_raster": [_p, _p, _p, _p],
     "sample_heights": [_p, _p, _p, _p, C.c_size_t, _p],
+    "compare_heights": [_p, _p, _p, _p],
     "find_profile": [_p, _p, C.c_size_t, _p, _p, _p],
     "remove_object": [_p, Text],
     "rename_object": [_p, Text, Text],

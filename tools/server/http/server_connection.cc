@@ -250,6 +250,7 @@ class Connection final : public ServerPeer, public std::enable_shared_from_this<
     const auto answer = std::make_shared<ServerAnswer>();
     BeginJob(is_long);
     call_->temporary = std::make_unique<ServerLedger::Account>(loop_.service.temporary(), client_);
+    call_->memory = std::make_unique<ServerLedger::Account>(loop_.service.memory(), client_);
     job_->work = [&service = loop_.service, request = request_, call = call_, answer] {
       *answer = service.Answer(*request, *call);
     };

@@ -23,6 +23,7 @@
 #include "tools/request/arguments.h"
 #include "tools/request/mesh_output.h"
 #include "tools/request/report_json.h"
+#include "tools/server/internal/server_diff.h"
 #include "tools/server/internal/server_page.h"
 #include "tools/tiles/tile_provider.h"
 
@@ -186,7 +187,7 @@ ServerAnswer NoSuchPath() {
       "there are /, /objects, /objects/NAME, /objects/NAME/mesh, /objects/NAME/packed, "
       "/objects/NAME/probe, /objects/NAME/session, /objects/NAME/3dtiles/tileset.json, "
       "/objects/NAME/quantized-mesh/layer.json, /objects/NAME/terrain-rgb/tiles.json, "
-      "/objects/NAME/neuroglancer/info, /healthz and /metrics");
+      "/objects/NAME/neuroglancer/info, /diff, /healthz and /metrics");
 }
 
 ServerAnswer NoSuchTile(const TileTarget& tile, const std::string& name) {
@@ -292,6 +293,7 @@ std::shared_ptr<Database> ServerService::CurrentDatabase() {
 
 ServerService::Effort ServerService::EffortOf(const std::string& text) const {
   const Result<RequestTarget> target = ParseTarget(text);
+  if (target.ok() && IsDiff(*target)) return Effort::kQuery;
   if (!target.ok() || target->path[0] != "objects") return Effort::kNone;
   if (IsTileTarget(*target)) return Effort::kQuery;
   const bool packed = target->path.size() == 3 && target->path[2] == "packed";
@@ -324,6 +326,7 @@ ServerAnswer ServerService::Route(const ServerRequest& request, ServerCall& call
     return answer;
   }
   if (IsTileTarget(*target)) return TileAnswer(*target, request, call);
+  if (IsDiff(*target)) return Diff(request, call);
   const bool mesh = objects && path.size() == 3 && path[2] == "mesh";
   const bool probe = objects && path.size() == 3 && path[2] == "probe";
   const bool packed = objects && path.size() == 3 && path[2] == "packed";
@@ -431,6 +434,32 @@ Result<ServerAnswer> ServerService::Probe(const std::string& name, const ProbeRe
   metrics_.read_bytes += found.bytes_read;
   ServerAnswer answer;
   answer.body = Dump(ProbeJson(surface->record(), found, request.ray.has_value()));
+  return answer;
+}
+
+ServerAnswer ServerService::Diff(const ServerRequest& request, ServerCall& call) {
+  if (request.method != "POST") {
+    ServerAnswer answer = ErrorAnswer(405, "method_not_allowed", "expected POST");
+    answer.headers.emplace_back("Allow", "POST");
+    return answer;
+  }
+  const Result<NamedComparison> asked = ParseComparison(request.body);
+  if (!asked.ok()) return ErrorAnswer(400, "bad_query", "body: " + asked.status().message());
+  if (call.control.cancelled()) return ErrorAnswer(Stopped(call));
+  const Result<std::shared_ptr<Surface>> a = OpenSurface(asked->object);
+  if (!a.ok()) return ErrorAnswer(Failure(a.status(), asked->object, call, false));
+  const Result<std::shared_ptr<Surface>> b = OpenSurface(asked->other);
+  if (!b.ok()) return ErrorAnswer(Failure(b.status(), asked->other, call, false));
+  ++metrics_.queries;
+  const Result<Json> found =
+      CompareForClient(**a, **b, asked->request, &call.control, call.memory.get());
+  if (!found.ok()) {
+    const std::string both = asked->object + "' or '" + asked->other;
+    return ErrorAnswer(Failure(found.status(), both, call, true));
+  }
+  metrics_.read_bytes += (*found)["bytes_read"].number();
+  ServerAnswer answer;
+  answer.body = Dump(*found);
   return answer;
 }
 

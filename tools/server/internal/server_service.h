@@ -74,6 +74,7 @@ struct ServerCall {
   QueryControl control;
   std::atomic<Stop> stop{Stop::kNone};
   std::unique_ptr<ServerLedger::Account> temporary;  // of a mesh: what its file takes
+  std::unique_ptr<ServerLedger::Account> memory;     // of a comparison: what it holds
 
   void Cancel(Stop why) {
     Stop none = Stop::kNone;
@@ -132,6 +133,8 @@ class ServerService {
 
   // What temporary files of answers take.
   ServerLedger& temporary() { return temporary_; }
+  // What sessions and comparisons hold.
+  ServerLedger& memory() { return session_memory_; }
 
   ServerMetrics& metrics() { return metrics_; }
 
@@ -148,6 +151,7 @@ class ServerService {
   Result<ServerAnswer> Mesh(const std::string& name, const MeshRequest& request, ServerCall& call);
   Result<ServerAnswer> Probe(const std::string& name, const ProbeRequest& request,
                              ServerCall& call);
+  ServerAnswer Diff(const ServerRequest& request, ServerCall& call);
   Result<ServerAnswer> Packed(const RequestTarget& target, const ServerRequest& request,
                               ServerCall& call);
   ServerAnswer TileAnswer(const RequestTarget& target, const ServerRequest& request,
