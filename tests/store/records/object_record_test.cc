@@ -136,6 +136,7 @@ TEST_CASE("a record of a raster has a raster, and no other has", "[store]") {
 
 TEST_CASE("what is up has length 1, and records of older programs do not say it", "[store]") {
   ObjectRecord o = FullRecord();
+  o.input = {};  // the view is the last section then
   o.up = {{0, 0, 1.001}, false};
   CHECK(DecodeObjectRecord(EncodeObjectRecord(o), "r").status().code() == StatusCode::kCorrupt);
   o.up = {{0, std::nan(""), 1}, false};
