@@ -111,38 +111,42 @@ class CrumbRemover {
     friend auto operator<=>(const Edge&, const Edge&) = default;
   };
 
-  bool InPart(uint32_t t) const { return std::find(part_.begin(), part_.end(), t) != part_.end(); }
+  bool InPart(uint32_t t) const {
+    return std::ranges::find(part_.triangles, t) != part_.triangles.end();
+  }
   Vec3d Place(Vec3i p) const { return grid_.is_linear() ? ToDouble(p) : grid_.Position(p); }
 
-  // True when the part may vanish, by triggers_ and error_.
+  // True when the part may vanish, by part_.triggers and part_.error.
   bool Look(std::span<const uint32_t> part) {
-    part_ = part;
+    part_.triangles = part;
     if (!FindVertices() || !LeavesNoGap()) return false;
     if (!FindEdges() || !KeepsClosed()) return false;
-    triggers_.clear();
-    if (!(hung_.empty() ? FindNearTrigger() : FindTriggers())) return false;
-    error_ = kInfinity;
-    for (const uint32_t t : triggers_) error_ = std::min(error_, FarthestFrom(t));
+    part_.triggers.clear();
+    if (!(part_.hung.empty() ? FindNearTrigger() : FindTriggers())) return false;
+    part_.error = kInfinity;
+    for (const uint32_t t : part_.triggers) part_.error = std::min(part_.error, FarthestFrom(t));
     double accumulated = 0;
-    for (const uint32_t t : part_) accumulated = std::max<double>(accumulated, tile_[t].error);
-    error_ += accumulated;
-    return error_ <= limits_.error;
+    for (const uint32_t t : part_.triangles)
+      accumulated = std::max<double>(accumulated, tile_[t].error);
+    part_.error += accumulated;
+    return part_.error <= limits_.error;
   }
 
-  // Sets corners_ and hung_. False when one is not whole.
+  // Sets part_.corners and part_.hung. False when one is not whole.
   bool FindVertices() {
-    corners_.clear();
-    for (const uint32_t t : part_) {
-      for (uint32_t c = 0; c < 3; ++c) corners_.push_back(seats_.seat(t, c));
+    part_.corners.clear();
+    for (const uint32_t t : part_.triangles) {
+      for (uint32_t c = 0; c < 3; ++c) part_.corners.push_back(seats_.seat(t, c));
     }
-    std::sort(corners_.begin(), corners_.end());
-    corners_.erase(std::unique(corners_.begin(), corners_.end()), corners_.end());
-    hung_.clear();
-    for (const uint32_t seat : corners_) {
+    std::sort(part_.corners.begin(), part_.corners.end());
+    part_.corners.erase(std::unique(part_.corners.begin(), part_.corners.end()),
+                        part_.corners.end());
+    part_.hung.clear();
+    for (const uint32_t seat : part_.corners) {
       if (!seats_.IsWhole(seat)) return false;
       bool shared = false;
       seats_.ForEachCorner(seat, [&](uint32_t t, uint32_t) { shared |= !InPart(t); });
-      if (shared) hung_.push_back(seat);
+      if (shared) part_.hung.push_back(seat);
     }
     return true;
   }
@@ -150,7 +154,7 @@ class CrumbRemover {
   // Where fans keep their numbers, those that go have to be the last ones.
   bool LeavesNoGap() const {
     if (limits_.fresh()) return true;
-    return std::ranges::all_of(hung_, [&](uint32_t seat) {
+    return std::ranges::all_of(part_.hung, [&](uint32_t seat) {
       uint32_t last_left = 0, first_gone = kMostOrder;
       seats_.ForEachCorner(seat, [&](uint32_t t, uint32_t c) {
         const uint32_t fan = tile_[t].fan(c);
@@ -164,8 +168,8 @@ class CrumbRemover {
   // The edges by which the part hangs on others. False when it goes on beyond one of them, since
   // what lay between has vanished.
   bool FindEdges() {
-    edges_.clear();
-    for (const uint32_t t : part_) {
+    part_.edges.clear();
+    for (const uint32_t t : part_.triangles) {
       for (uint32_t side = 0; side < 3; ++side) {
         if (tile_[t].order(side) < 2) continue;
         const auto [a, b] = std::minmax({seats_.seat(t, side), seats_.seat(t, (side + 1) % 3)});
@@ -181,18 +185,18 @@ class CrumbRemover {
         const bool alike = tile_[other].two_sided() == tile_[t].two_sided();
         const bool against = seats_.seat(other, other_side) != seats_.seat(t, side);
         if (triangles == 2 && alike && (against || tile_[t].two_sided())) return false;
-        edges_.push_back({a, b});
+        part_.edges.push_back({a, b});
       }
     }
-    std::sort(edges_.begin(), edges_.end());
-    edges_.erase(std::unique(edges_.begin(), edges_.end()), edges_.end());
+    std::sort(part_.edges.begin(), part_.edges.end());
+    part_.edges.erase(std::unique(part_.edges.begin(), part_.edges.end()), part_.edges.end());
     return true;
   }
 
   // A surface that is closed there, with as many one-sided triangles one way as the other, does not
   // get a hole.
   bool KeepsClosed() const {
-    return std::ranges::all_of(edges_, [&](const Edge& e) {
+    return std::ranges::all_of(part_.edges, [&](const Edge& e) {
       int before = 0, after = 0;
       seats_.ForEachAtEdge(e.a, e.b, [&](uint32_t t, uint32_t side) {
         if (tile_[t].two_sided()) return;
@@ -223,13 +227,13 @@ class CrumbRemover {
   // Triangles that have all edges and points by which the part hangs.
   bool FindTriggers() {
     const auto add = [&](uint32_t best) {
-      if (best == kNone32 || triggers_.size() == kMostCrumbTriggers) return false;
-      triggers_.push_back(best);
+      if (best == kNone32 || part_.triggers.size() == kMostCrumbTriggers) return false;
+      part_.triggers.push_back(best);
       return true;
     };
-    for (const auto& [a, b] : edges_) {
+    for (const auto& [a, b] : part_.edges) {
       const bool known =
-          std::ranges::any_of(triggers_, [&](uint32_t t) { return Has(t, a) && Has(t, b); });
+          std::ranges::any_of(part_.triggers, [&](uint32_t t) { return Has(t, a) && Has(t, b); });
       if (known) continue;
       uint32_t best = kNone32;
       seats_.ForEachAtEdge(a, b, [&](uint32_t t, uint32_t) {
@@ -237,8 +241,8 @@ class CrumbRemover {
       });
       if (!add(best)) return false;
     }
-    for (const uint32_t seat : hung_) {
-      if (std::ranges::any_of(triggers_, [&](uint32_t t) { return Has(t, seat); })) continue;
+    for (const uint32_t seat : part_.hung) {
+      if (std::ranges::any_of(part_.triggers, [&](uint32_t t) { return Has(t, seat); })) continue;
       uint32_t best = kNone32;
       seats_.ForEachCorner(seat, [&](uint32_t t, uint32_t) {
         if (MayTrigger(t) && IsBetter(t, best)) best = t;
@@ -256,7 +260,7 @@ class CrumbRemover {
   double FarthestFrom(uint32_t t) const {
     const Triangle3d triangle = CornersOf(t);
     double squared = 0;
-    for (const uint32_t u : part_) {
+    for (const uint32_t u : part_.triangles) {
       for (const Vec3d& p : CornersOf(u)) {
         squared = std::max(squared,
                            SquaredDistancePointTriangle(p, triangle[0], triangle[1], triangle[2]));
@@ -271,7 +275,7 @@ class CrumbRemover {
       near_.End();
     }
     Box3d box;
-    for (const uint32_t t : part_) {
+    for (const uint32_t t : part_.triangles) {
       for (const Vec3d& p : CornersOf(t)) box.Add(p);
     }
     uint32_t best = kNone32;
@@ -284,39 +288,39 @@ class CrumbRemover {
       best = t;
     });
     if (best == kNone32) return false;
-    triggers_.push_back(best);
+    part_.triggers.push_back(best);
     return true;
   }
 
   void Remove() {
     Crumb& crumb = crumbs_.emplace_back();
-    crumb.triggers = triggers_;
+    crumb.triggers = part_.triggers;
     const size_t row = block_.rows.size() / (3 * tile_.size());
-    for (const uint32_t t : part_) {
+    for (const uint32_t t : part_.triangles) {
       crumb.triangles.push_back(tile_[t]);
       crumb.height = std::max(crumb.height, tile_[t].height);
       const auto begin = block_.rows.begin() + static_cast<std::ptrdiff_t>(3 * t * row);
       crumb.rows.insert(crumb.rows.end(), begin, begin + static_cast<std::ptrdiff_t>(3 * row));
       seats_.Remove(t);
     }
-    for (const uint32_t t : triggers_) {
-      error_ = std::max<double>(error_, tile_[t].error);
+    for (const uint32_t t : part_.triggers) {
+      part_.error = std::max<double>(part_.error, tile_[t].error);
       crumb.height = std::max(crumb.height, tile_[t].height);
       ++uses_[t];
       if (parts_.part_of[t] != kNone32) stays_[parts_.part_of[t]] = 1;
     }
     ++crumb.height;
-    crumb.error = error_;
-    for (const uint32_t t : triggers_) {
+    crumb.error = part_.error;
+    for (const uint32_t t : part_.triggers) {
       // Not below the bound.
       tile_[t].error =
-          std::nextafter(static_cast<float>(error_), std::numeric_limits<float>::max());
+          std::nextafter(static_cast<float>(part_.error), std::numeric_limits<float>::max());
       tile_[t].height = crumb.height;
     }
     Count();
-    for (const auto& [a, b] : edges_) SetOrder(a, b);
-    for (const uint32_t seat : hung_) SetFans(seat);
-    for (const uint32_t seat : hung_) {
+    for (const auto& [a, b] : part_.edges) SetOrder(a, b);
+    for (const uint32_t seat : part_.hung) SetFans(seat);
+    for (const uint32_t seat : part_.hung) {
       const bool fixed = !seats_.IsFree(seat);
       seats_.ForEachCorner(seat, [&](uint32_t t, uint32_t c) { tile_[t].set_fixed(c, fixed); });
     }
@@ -349,14 +353,15 @@ class CrumbRemover {
 
   // The border's loops of the part that no edge of what is left goes on.
   void Count() {
-    counts_->components += hung_.empty();
+    counts_->components += part_.hung.empty();
     const auto place_of = [&](uint32_t seat) {
-      return static_cast<uint32_t>(std::lower_bound(corners_.begin(), corners_.end(), seat) -
-                                   corners_.begin());
+      return static_cast<uint32_t>(
+          std::lower_bound(part_.corners.begin(), part_.corners.end(), seat) -
+          part_.corners.begin());
     };
-    DisjointSets loops(corners_.size());
-    std::vector<uint8_t> at_border(corners_.size()), goes_on(corners_.size());
-    for (const uint32_t t : part_) {
+    DisjointSets loops(part_.corners.size());
+    std::vector<uint8_t> at_border(part_.corners.size()), goes_on(part_.corners.size());
+    for (const uint32_t t : part_.triangles) {
       for (uint32_t side = 0; side < 3; ++side) {
         if (tile_[t].order(side) != 1 || tile_[t].two_sided()) continue;
         const uint32_t a = place_of(seats_.seat(t, side));
@@ -368,7 +373,7 @@ class CrumbRemover {
     const auto is_border = [&](uint32_t t, uint32_t side) {
       return tile_[t].order(side) == 1 && !tile_[t].two_sided();
     };
-    for (const uint32_t seat : hung_) {
+    for (const uint32_t seat : part_.hung) {
       if (at_border[place_of(seat)] == 0) continue;
       seats_.ForEachCorner(seat, [&](uint32_t t, uint32_t c) {
         if (is_border(t, c) || is_border(t, (c + 2) % 3)) {
@@ -376,7 +381,7 @@ class CrumbRemover {
         }
       });
     }
-    for (uint32_t v = 0; v < corners_.size(); ++v) {
+    for (uint32_t v = 0; v < part_.corners.size(); ++v) {
       counts_->border_loops += at_border[v] != 0 && loops.Find(v) == v && goes_on[v] == 0;
     }
   }
@@ -412,12 +417,15 @@ class CrumbRemover {
   std::vector<uint32_t> uses_;  // of triangles as triggers
   std::vector<uint8_t> stays_;  // of parts: one of its triangles is a trigger
   std::vector<Crumb> crumbs_;
-  // Of the part at hand.
-  std::span<const uint32_t> part_;
-  std::vector<uint32_t> corners_, hung_;  // seats, ascending; those that others have, too
-  std::vector<Edge> edges_;
-  std::vector<uint32_t> triggers_;
-  double error_ = 0;
+  // The part at hand.
+  struct Part {
+    std::span<const uint32_t> triangles;
+    std::vector<uint32_t> corners, hung;  // seats, ascending; those that others have, too
+    std::vector<Edge> edges;
+    std::vector<uint32_t> triggers;
+    double error = 0;
+  };
+  Part part_;
 };
 
 }  // namespace

@@ -68,6 +68,7 @@ class ClusterDecoder {
   void DecodeRow(uint32_t node);
   Status DecodeArcs(const StreamReader& streams);
   void InheritSides();
+  Status AddCrumbs(const StreamReader& streams, uint32_t node_limit);
 
   bool scaled_by_error() const { return (flags_ & kFlagScaledByError) != 0; }
   bool flat() const { return (flags_ & kFlagFlat) != 0; }
@@ -440,6 +441,22 @@ void ClusterDecoder::InheritSides() {
   }
 }
 
+// After which all nodes are known.
+Status ClusterDecoder::AddCrumbs(const StreamReader& streams, uint32_t node_limit) {
+  Cluster& c = cluster_;
+  if (!streams.bytes(StreamTag::kCrumbs).empty()) {
+    if (flat()) return Corrupted("a height field with crumbs");
+    MTDB_RETURN_IF_ERROR(
+        DecodeCrumbs(streams, attribute_coder_.row_bytes(), node_limit, where_, &c));
+  }
+  if (c.nodes() == 0) return Corrupted("head: no nodes");
+  const std::span<const uint32_t> incoming = std::span(c.removers).first(c.in_triangles());
+  if (!std::ranges::all_of(incoming, RemovedByNode)) {
+    return Corrupted("in-triangle that no node removes");
+  }
+  return Status::Ok();
+}
+
 Result<Cluster> ClusterDecoder::Decode(ByteSpan payload, InPatch in, uint32_t node_limit) {
   MTDB_ASSIGN_OR_RETURN(const StreamReader streams, StreamReader::Open(payload, where_));
   MTDB_RETURN_IF_ERROR(DecodeHead(streams.stream(StreamTag::kHead), node_limit, payload.size()));
@@ -495,15 +512,7 @@ Result<Cluster> ClusterDecoder::Decode(ByteSpan payload, InPatch in, uint32_t no
   }
   MTDB_RETURN_IF_ERROR(DecodeArcs(streams));
   if (!c.in.two_sided.empty()) InheritSides();
-  if (!streams.bytes(StreamTag::kCrumbs).empty()) {
-    if (flat()) return Corrupted("a height field with crumbs");
-    MTDB_RETURN_IF_ERROR(DecodeCrumbs(streams, row, node_limit, where_, &c));
-  }
-  if (c.nodes() == 0) return Corrupted("head: no nodes");
-  const std::span<const uint32_t> incoming = std::span(c.removers).first(c.in_triangles());
-  if (!std::ranges::all_of(incoming, RemovedByNode)) {
-    return Corrupted("in-triangle that no node removes");
-  }
+  MTDB_RETURN_IF_ERROR(AddCrumbs(streams, node_limit));
   return std::move(cluster_);
 }
 

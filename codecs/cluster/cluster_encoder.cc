@@ -466,6 +466,14 @@ uint8_t FlagsOf(const Replay& replay, bool is_height_field, bool scaled_by_error
       (replay.any_fans ? kFlagFans : 0));
 }
 
+// The payload, which is so long at least.
+Bytes Padded(StreamWriter& streams, uint64_t least) {
+  Bytes payload = streams.Finish();
+  if (payload.size() >= least) return payload;
+  streams.AddCoded(StreamTag::kPadding, Bytes(least - payload.size()));
+  return streams.Finish();
+}
+
 }  // namespace
 
 EncodedCluster EncodeCluster(const ClusterUpdates& updates, const AttributeLayout& attributes) {
@@ -527,12 +535,7 @@ EncodedCluster internal::EncodeCluster(const ClusterUpdates& updates,
   streams.AddCoded(StreamTag::kBits, bits.Finish());
   streams.AddCoded(StreamTag::kArcs, arc_stream.Finish());
   streams.AddCoded(StreamTag::kAttributes, replay.attribute_stream.Finish());
-  result.payload = streams.Finish();
-  if (const uint64_t least = LeastPayloadBytes(result.nodes, attributes.row_bytes());
-      result.payload.size() < least) {
-    streams.AddCoded(StreamTag::kPadding, Bytes(least - result.payload.size()));
-    result.payload = streams.Finish();
-  }
+  result.payload = Padded(streams, LeastPayloadBytes(result.nodes, attributes.row_bytes()));
   return result;
 }
 

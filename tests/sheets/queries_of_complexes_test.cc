@@ -8,8 +8,8 @@
 #include "tests/builder/fixture.h"
 #include "tests/query/explicit_mesh.h"
 #include "tests/query/oracle.h"
+#include "tests/query/plain_dag.h"
 #include "tests/sheets/mesh_of.h"
-#include "tests/sheets/plain_dag.h"
 #include "tests/sheets/random_complex.h"
 
 namespace mtdb::sheets {

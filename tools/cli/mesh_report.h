@@ -8,6 +8,7 @@
 
 #include "builder/build.h"
 #include "store/base/json.h"
+#include "store/object_record.h"
 
 namespace mtdb {
 
@@ -18,6 +19,8 @@ std::vector<std::string> AccuracyWarnings(const MeshSurvey& survey);
 // Prints a survey: of a mesh file before it is ingested.
 void PrintSurvey(const std::string& name, const MeshSurvey& survey);
 Json SurveyJson(const MeshSurvey& survey);
+// Prints what each round and each stage of an ingest did, and took.
+void PrintStages(const BuildReport& report, const ObjectRecord& r);
 // The part of it that an ingest reports.
 Json AccuracyJson(const MeshSurvey& survey);
 

@@ -26,7 +26,6 @@
 #include "tools/gdal/gdal_raster.h"
 #include "tools/request/arguments.h"
 #include "tools/request/report_json.h"
-#include "tools/request/root_reason.h"
 
 namespace mtdb {
 
@@ -81,34 +80,6 @@ class StageRate {
   uint64_t first_ = 0;
   std::chrono::steady_clock::time_point begin_;
 };
-
-void PrintStages(const BuildReport& report, const ObjectRecord& r) {
-  for (size_t i = 0; i < r.rounds.size(); ++i) {
-    const RoundReport& round = r.rounds[i];
-    std::printf(
-        "  round %zu: %s triangles become %s, in %s tiles and %s clusters, with an error "
-        "of at "
-        "most %.3g; vertices that had to stay: %s by topology, %s by degree, %s on seams of "
-        "tiles\n",
-        i + 1, Grouped(round.triangles_in).c_str(), Grouped(round.triangles_out).c_str(),
-        Grouped(round.tiles).c_str(), Grouped(round.clusters).c_str(),
-        r.grid.Error(round.error_code_max), Grouped(round.stuck_topology).c_str(),
-        Grouped(round.stuck_degree).c_str(), Grouped(round.locked_vertices).c_str());
-  }
-  std::printf("  %u clusters of %s vertices to insert; the coarsest mesh has %s triangles\n",
-              r.clusters, Grouped(r.nodes).c_str(), Grouped(r.root_triangles).c_str());
-  std::printf("  %s\n", RootReasonText(r).c_str());
-  double cpu = 0;
-  for (const StageCost& s : report.stages) {
-    std::printf("  %-9s %8.2f s, %8.2f s of processors, %s MiB temporary\n", s.stage.c_str(),
-                s.seconds, s.cpu_seconds, Grouped(s.tmp_bytes >> 20).c_str());
-    cpu += s.cpu_seconds;
-  }
-  if (cpu > 0) {
-    std::printf("  %.3f million triangles per processor second\n",
-                1e-6 * static_cast<double>(r.triangles) / cpu);
-  }
-}
 
 void PrintSummary(const ObjectRecord& r, uint64_t file_bytes) {
   std::printf("%s: %s\n", r.name.c_str(), SurfaceText(r).c_str());

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "tests/sheets/plain_dag.h"
+#include "tests/query/plain_dag.h"
 
 #include <catch2/catch.hpp>
 #include <map>
