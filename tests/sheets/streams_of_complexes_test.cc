@@ -36,7 +36,7 @@ MeetsRegion RandomRegion(const Box3d& bounds, std::mt19937& random) {
     const double part = static_cast<double>(random() % 1000) / 1000;
     return bounds.min[i] + part * (bounds.max[i] - bounds.min[i]);
   };
-  for (int k = 0; k < 2; ++k) box.Add({somewhere(0), somewhere(1), somewhere(2)});
+  for (int k = 0; k < 2; ++k) box.Add(Vec3d{somewhere(0), somewhere(1), somewhere(2)});
   return [box](const Triangle3d& t) {
     Box3d around;
     for (const Vec3d& p : t) around.Add(p);
