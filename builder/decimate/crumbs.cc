@@ -231,12 +231,12 @@ class CrumbRemover {
       part_.triggers.push_back(best);
       return true;
     };
-    for (const auto& [a, b] : part_.edges) {
-      const bool known =
-          std::ranges::any_of(part_.triggers, [&](uint32_t t) { return Has(t, a) && Has(t, b); });
+    for (const Edge& e : part_.edges) {
+      const bool known = std::ranges::any_of(
+          part_.triggers, [&](uint32_t t) { return Has(t, e.a) && Has(t, e.b); });
       if (known) continue;
       uint32_t best = kNone32;
-      seats_.ForEachAtEdge(a, b, [&](uint32_t t, uint32_t) {
+      seats_.ForEachAtEdge(e.a, e.b, [&](uint32_t t, uint32_t) {
         if (MayTrigger(t) && IsBetter(t, best)) best = t;
       });
       if (!add(best)) return false;

@@ -31,8 +31,8 @@ class NearTriangles {
     for (const auto& [triangle, box] : triangles_) sum += Length(box.max - box.min);
     cell_ = std::max(2 * reach_, sum / static_cast<double>(triangles_.size()));
     if (!(cell_ > 0)) cell_ = 1;
-    for (const auto& [triangle, box] : triangles_) {
-      ForEachCell(box, [&](uint64_t key) { cells_.emplace_back(key, triangle); });
+    for (const auto& entry : triangles_) {
+      ForEachCell(entry.second, [&](uint64_t key) { cells_.emplace_back(key, entry.first); });
     }
     std::sort(cells_.begin(), cells_.end());
   }

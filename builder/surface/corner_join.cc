@@ -291,9 +291,9 @@ class Link {
   }
   // The places in edges_ of two-sided ones that begin or end there.
   std::span<const std::pair<uint32_t, uint32_t>> TwoSidedAt(uint32_t vertex) const {
-    const auto [begin, end] = std::ranges::equal_range(
-        two_sided_, vertex, {}, [](const auto& entry) { return entry.first; });
-    return {begin, end};
+    const auto first = std::pair(vertex, 0u), next = std::pair(vertex + 1, 0u);
+    const auto begin = std::lower_bound(two_sided_.begin(), two_sided_.end(), first);
+    return {begin, std::lower_bound(begin, two_sided_.end(), next)};
   }
   // How those run that meet in an edge to a larger vertex.
   void FindTurns(uint32_t v, std::vector<SheetTurn>& turns) const {
