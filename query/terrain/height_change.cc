@@ -275,10 +275,10 @@ class HeightComparer {
   }
   // The cell that is to be asked again; none: enough is known.
   std::optional<size_t> Next() {
-    for (auto [queue, low] : {std::pair{&highest_rise_, &result_.rise.height.low},
-                              std::pair{&highest_fall_, &result_.fall.height.low}}) {
-      if (const std::optional<size_t> next =
-              Top(queue, [&](double high) { return WantsExtreme(*low, high); })) {
+    for (const auto& extreme : {std::pair{&highest_rise_, &result_.rise.height.low},
+                                std::pair{&highest_fall_, &result_.fall.height.low}}) {
+      if (const std::optional<size_t> next = Top(
+              extreme.first, [&](double high) { return WantsExtreme(*extreme.second, high); })) {
         return next;
       }
     }
