@@ -553,7 +553,7 @@ TEST_CASE("An index that disagrees with a payload is found when the cluster is l
   for (size_t i = 0; i < wrong.size(); ++i) {
     f.source->index_ = wrong[i];
     f.source->record_ = record;
-    if (i == 3) ++f.source->record_.vertices;
+    if (i == 3) ++f.source->record_.vertices, ++f.source->record_.nodes;
     TriangleMesh mesh;
     TriangleMeshSink sink(&mesh);
     INFO(i);
