@@ -43,7 +43,7 @@ TEST_CASE("A record that says something else fails, field by field") {
   const MtFixture f = MakeMt(o);
   const ObjectRecord record = f.source->record_;
   const std::vector<std::function<void(ObjectRecord&)>> changes = {
-      [](ObjectRecord& r) { ++r.nodes; },
+      [](ObjectRecord& r) { --r.vertices; },
       [](ObjectRecord& r) { ++r.triangles; },
       [](ObjectRecord& r) { ++r.root_triangles; },
       [](ObjectRecord& r) { ++r.max_degree; },
