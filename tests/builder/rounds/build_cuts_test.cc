@@ -64,8 +64,8 @@ TriangleMesh Cleaned(const TriangleMesh& mesh) {
   return clean;
 }
 
-// Cuts of any mesh, by plain counting: what is wrong with the input stays as it is, and nothing
-// is added to it.
+// Cuts of any mesh, by plain counting: nothing is wrong that is not wrong in the input. Small parts
+// may have vanished.
 void RequireCutsAsTheInput(const TriangleMesh& mesh, const BuiltObject& built, int cuts,
                            uint32_t seed) {
   const MeshCheck input = CheckMesh(Cleaned(mesh));
@@ -88,12 +88,11 @@ void RequireCutsAsTheInput(const TriangleMesh& mesh, const BuiltObject& built, i
     for (const auto& faults : {&MeshCheck::duplicate_triangles, &MeshCheck::nonmanifold_edges,
                                &MeshCheck::misoriented_edges, &MeshCheck::nonmanifold_vertices}) {
       REQUIRE(cut.*faults <= input.*faults);
-      REQUIRE((cut.*faults == 0) == (input.*faults == 0));
     }
+    REQUIRE(cut.components <= input.components);
+    if (cut.components < input.components || !input.ok()) continue;
     REQUIRE(cut.euler_characteristic == input.euler_characteristic);
-    REQUIRE(cut.components == input.components);
-    // Where loops touch, there is more than one way to count them.
-    if (input.nonmanifold_vertices == 0) REQUIRE(cut.boundary_loops == input.boundary_loops);
+    REQUIRE(cut.boundary_loops == input.boundary_loops);
   }
 }
 
