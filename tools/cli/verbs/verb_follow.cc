@@ -124,6 +124,25 @@ void PrintSummary(const RemoteSession& session, const std::vector<RemoteUpdate>&
   std::fputs(ShortfallText(last.shortfall, last.limit).c_str(), stdout);
 }
 
+// What the file's numbers move, as an answer in a file counts it: the mesh may fall short of the
+// error that was asked for by that alone.
+void AddRounding(const Json& query, double rounding, const ClientMesh& mesh, RemoteUpdate* update) {
+  update->error_bound += rounding;
+  Shortfall& shortfall = update->shortfall;
+  if (!(rounding > 0) || update->superseded) return;
+  const Json& threshold = query["threshold"];
+  if (shortfall.any()) {
+    shortfall.excess += rounding;
+  } else if (threshold.is_number() && threshold.number() >= 0 &&
+             update->error_bound > threshold.number()) {
+    shortfall.triangles = update->active_triangles;
+    shortfall.excess = update->error_bound - threshold.number();
+    for (uint32_t v = 0; v < mesh.vertex_slots(); ++v) {
+      if (mesh.has_vertex(v)) shortfall.bounds.Add(mesh.options().grid.Position(mesh.position(v)));
+    }
+  }
+}
+
 Status Follow(const FollowArguments& arguments) {
   MTDB_ASSIGN_OR_RETURN(const Json::Array queries, ReadPath(arguments.path));
   CsvFile csv;
@@ -152,7 +171,7 @@ Status Follow(const FollowArguments& arguments) {
       MTDB_ASSIGN_OR_RETURN(const std::unique_ptr<MeshFileWriter> writer,
                             CreateMeshFileWriter(file));
       MTDB_RETURN_IF_ERROR(session->SendMesh(*writer));
-      update->error_bound += writer->rounding();
+      AddRounding(query, writer->rounding(), session->mesh(), &*update);
     }
     MTDB_RETURN_IF_ERROR(csv.Add(step, *update));
     if (arguments.json) steps.push_back(StepJson(step, *update));
