@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstdlib>
 #include <limits>
+#include <numeric>
 #include <span>
 #include <tuple>
 #include <utility>
@@ -319,11 +320,10 @@ class CrumbRemover {
     }
     Count();
     for (const auto& [a, b] : part_.edges) SetOrder(a, b);
-    for (const uint32_t seat : part_.hung) SetFans(seat);
-    for (const uint32_t seat : part_.hung) {
-      const bool fixed = !seats_.IsFree(seat);
-      seats_.ForEachCorner(seat, [&](uint32_t t, uint32_t c) { tile_[t].set_fixed(c, fixed); });
-    }
+    SeatIndex::FanGroups each{};  // a group
+    std::iota(each.begin(), each.end(), 0u);
+    for (const uint32_t seat : part_.hung) seats_.NumberFans(seat, each);
+    for (const uint32_t seat : part_.hung) seats_.SetFixed(seat);
   }
 
   void SetOrder(uint32_t a, uint32_t b) {
@@ -331,23 +331,6 @@ class CrumbRemover {
     seats_.ForEachAtEdge(a, b, [&](uint32_t, uint32_t) { ++order; });
     seats_.ForEachAtEdge(a, b, [&](uint32_t t, uint32_t side) {
       tile_[t].set_order(side, std::min(order, kMostOrder));
-    });
-  }
-
-  void SetFans(uint32_t seat) {
-    uint32_t fans = 0;  // a bit each
-    seats_.ForEachCorner(seat, [&](uint32_t t, uint32_t c) { fans |= 1u << tile_[t].fan(c); });
-    std::array<uint32_t, kMostOrder> numbers{};
-    uint32_t count = 0;
-    for (uint32_t f = 0; f < kMostOrder; ++f) {
-      if ((fans >> f & 1) != 0) numbers[f] = count++;
-    }
-    seats_.ForEachCorner(seat, [&](uint32_t t, uint32_t c) {
-      const uint32_t first = tile_[t].seat(c);
-      const uint32_t fan = numbers[tile_[t].fan(c)];
-      tile_[t].vertices[c] = first + fan;
-      tile_[t].set_fan(c, fan);
-      tile_[t].set_more_fans(c, fan + 1 < count);
     });
   }
 

@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <array>
 #include <cstdint>
+#include <numeric>
 #include <span>
 #include <utility>
 #include <vector>
@@ -34,10 +35,7 @@ class SheetJoiner {
       while (end < ends.size() && ends[end].first == ends[i].first) ++end;
       JoinFans(ends[i].first, std::span(ends).subspan(i, end - i));
     }
-    for (const auto& [seat, edge] : ends) {
-      const bool fixed = !seats_.IsFree(seat);
-      seats_.ForEachCorner(seat, [&](uint32_t t, uint32_t c) { tile_[t].set_fixed(c, fixed); });
-    }
+    for (const auto& [seat, edge] : ends) seats_.SetFixed(seat);
   }
 
  private:
@@ -78,37 +76,18 @@ class SheetJoiner {
 
   // Fans that an edge of order 0 joins get one number; the first of all stays the first.
   void JoinFans(uint32_t seat, std::span<const std::pair<uint32_t, uint32_t>> edges) {
-    std::array<uint32_t, kMostOrder> joined{};
-    for (uint32_t f = 0; f < kMostOrder; ++f) joined[f] = f;
-    const auto find = [&](uint32_t f) {
-      while (joined[f] != f) f = joined[f];
-      return f;
-    };
-    uint32_t fans = 0;
-    seats_.ForEachCorner(seat, [&](uint32_t t, uint32_t c) { fans |= 1u << tile_[t].fan(c); });
+    SeatIndex::FanGroups joined{};
+    std::iota(joined.begin(), joined.end(), 0u);
     for (const auto& [at, edge] : edges) {
-      const Edge& e = edges_[edge];
       const auto fan_in = [&](uint32_t t) {
         uint32_t c = 0;
         while (seats_.seat(t, c) != seat) ++c;
-        return find(tile_[t].fan(c));
+        return joined[tile_[t].fan(c)];
       };
-      const auto [first, second] = std::minmax({fan_in(e.t), fan_in(e.u)});
-      joined[second] = first;
+      const auto [first, second] = std::minmax({fan_in(edges_[edge].t), fan_in(edges_[edge].u)});
+      std::replace(joined.begin(), joined.end(), second, first);
     }
-    std::array<uint32_t, kMostOrder> numbers{};
-    uint32_t count = 0;
-    for (uint32_t f = 0; f < kMostOrder; ++f) {
-      if ((fans >> f & 1) == 0) continue;
-      if (find(f) == f) numbers[f] = count++;
-    }
-    seats_.ForEachCorner(seat, [&](uint32_t t, uint32_t c) {
-      const uint32_t first = tile_[t].seat(c);
-      const uint32_t fan = numbers[find(tile_[t].fan(c))];
-      tile_[t].vertices[c] = first + fan;
-      tile_[t].set_fan(c, fan);
-      tile_[t].set_more_fans(c, fan + 1 < count);
-    });
+    seats_.NumberFans(seat, joined);
   }
 
   std::vector<TileTriangle>& tile_;

@@ -13,7 +13,7 @@ constexpr uint32_t kMostCorners = 256;
 
 }  // namespace
 
-SeatIndex::SeatIndex(std::span<const TileTriangle> tile)
+SeatIndex::SeatIndex(std::span<TileTriangle> tile)
     : tile_(tile), corner_seats_(3 * tile.size()), gone_(tile.size()) {
   NumberTable numbers(tile.size());
   uint32_t seats = 0;
@@ -92,6 +92,28 @@ bool SeatIndex::IsFree(uint32_t seat) const {
     if ((fans >> fan & 1) != 0 && ends[fan] != std::array<uint32_t, kMost>{1, 1}) return false;
   }
   return true;
+}
+
+void SeatIndex::NumberFans(uint32_t seat, const FanGroups& groups) {
+  uint32_t used = 0;  // a bit a group
+  ForEachCorner(seat, [&](uint32_t t, uint32_t c) { used |= 1u << groups[tile_[t].fan(c)]; });
+  FanGroups numbers{};
+  uint32_t count = 0;
+  for (uint32_t group = 0; group < kMostOrder; ++group) {
+    if ((used >> group & 1) != 0) numbers[group] = count++;
+  }
+  ForEachCorner(seat, [&](uint32_t t, uint32_t c) {
+    const uint32_t first = tile_[t].seat(c);
+    const uint32_t fan = numbers[groups[tile_[t].fan(c)]];
+    tile_[t].vertices[c] = first + fan;
+    tile_[t].set_fan(c, fan);
+    tile_[t].set_more_fans(c, fan + 1 < count);
+  });
+}
+
+void SeatIndex::SetFixed(uint32_t seat) {
+  const bool fixed = !IsFree(seat);
+  ForEachCorner(seat, [&](uint32_t t, uint32_t c) { tile_[t].set_fixed(c, fixed); });
 }
 
 }  // namespace mtdb::internal

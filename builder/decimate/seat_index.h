@@ -16,7 +16,7 @@ namespace mtdb::internal {
 // numbers may change meanwhile, but not which vertices triangles have.
 class SeatIndex {
  public:
-  explicit SeatIndex(std::span<const TileTriangle> tile);
+  explicit SeatIndex(std::span<TileTriangle> tile);
 
   uint32_t seats() const { return static_cast<uint32_t>(begin_.size() - 1); }
   uint32_t seat(uint32_t triangle, uint32_t corner) const {
@@ -45,10 +45,17 @@ class SeatIndex {
   // one.
   bool IsFree(uint32_t seat) const;
 
+  // Numbers the vertex's fans in a row, in the order of their groups; those of one group become
+  // one.
+  using FanGroups = std::array<uint32_t, kMostOrder>;  // of fans, each below kMostOrder
+  void NumberFans(uint32_t seat, const FanGroups& groups);
+  // The vertex stays unless it is free.
+  void SetFixed(uint32_t seat);
+
  private:
   bool IsPaired(uint32_t seat, uint32_t t, uint32_t c, bool out) const;
 
-  std::span<const TileTriangle> tile_;
+  std::span<TileTriangle> tile_;
   std::vector<uint32_t> corner_seats_;
   std::vector<uint32_t> begin_, corners_;
   std::vector<uint8_t> gone_;
