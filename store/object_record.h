@@ -34,7 +34,8 @@ struct InputReport {
   // Of them, those of two triangles that run along them in the same direction; with
   // BuildOptions::orient, what is left of these.
   uint64_t inconsistent_edges = 0;
-  // Kept, never simplified: where chains of such edges end or meet, or parts of the surface touch.
+  // Where chains of such edges end or meet, or parts of the surface touch; they stay as long as
+  // these do.
   uint64_t nonmanifold_vertices = 0;
   // A sheet is what hangs together across edges of two triangles.
   uint64_t turned_triangles = 0;     // turned over by BuildOptions::orient; repeated ones, too

@@ -5,8 +5,9 @@
 
 namespace mtdb {
 
-// Vertices where chains of creases end or meet are all in the root; of the others the last round,
-// which removed next to nothing, says why they stayed.
+// The last round, which removed next to nothing, says why vertices stayed. It counts those that it
+// never removes, where chains of creases end or meet, once for each of their fans; what vanished
+// with time has left fewer of them than the input had.
 RootReasons ReasonsOf(const ObjectRecord& record) {
   RootReasons r;
   uint64_t left = record.root_vertices;
@@ -15,11 +16,13 @@ RootReasons ReasonsOf(const ObjectRecord& record) {
     left -= taken;
     return taken;
   };
-  r.nonmanifold = take(record.input.nonmanifold_vertices);
-  if (!record.rounds.empty()) {
+  if (record.rounds.empty()) {
+    r.nonmanifold = take(record.input.nonmanifold_vertices);
+  } else {
     const RoundReport& last = record.rounds.back();
     r.topology = take(last.stuck_topology);
     r.degree = take(last.stuck_degree);
+    r.nonmanifold = take(std::min(record.input.nonmanifold_vertices, last.locked_vertices));
     // Those on seams are counted once for each of their tiles, two at least.
     const uint64_t locked = last.locked_vertices - std::min(last.locked_vertices, r.nonmanifold);
     if (last.tiles > 1) r.seams = take(locked / 2);

@@ -93,7 +93,7 @@ void PrintSummary(const ObjectRecord& r, uint64_t file_bytes) {
   note(in.two_sided_triangles, "pairs of triangles back to back; each is one two-sided triangle");
   note(in.nonmanifold_edges, "non-manifold edges; where they form chains, these are simplified");
   note(in.nonmanifold_vertices,
-       "vertices kept, never simplified: such edges end or meet there, or parts touch");
+       "vertices where such edges end or meet, or parts touch; they stay as long as these do");
   note(in.inconsistent_edges, "of these edges have two triangles that disagree about the outside");
   note(in.turned_triangles, "triangles turned over, so that their sheets are consistent");
   note(in.unorientable_sheets,
