@@ -26,6 +26,8 @@ struct StageCost {
 struct BuildReport {
   std::vector<StageCost> stages;
   MeshSurvey survey;
+  // Of images of the texture that could not be kept: a line for each that says why.
+  std::vector<std::string> texture_notes;
   bool journal_left = false;  // the build failed, and the same one with `resume` goes on from there
 };
 

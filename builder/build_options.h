@@ -74,6 +74,11 @@ struct BuildOptions {
   std::optional<int> normal_bits;
   // Rounds the float attributes of these names to multiples of their steps.
   std::vector<AttributeStep> attribute_steps;
+  // Of textured input: u and v are rounded to multiples of this, up to 1; 0: they stay as they are.
+  // None: an eighth of a texel of the largest page, 2^-15 where no size is known; 0 when lossless.
+  std::optional<double> texture_step;
+  // Texture coordinates are not kept, so that seams of the texture are no creases.
+  bool drop_texture = false;
   // The mesh is a height field seen along z, and becomes a terrain: it is built with the vertical
   // error measure, and keeps its own triangles at full resolution. kBadInput names the place where
   // it is none. Not lossless.

@@ -9,6 +9,7 @@
 #include "store/lmdb/name_claim.h"
 #include "store/lmdb/partial_store.h"
 #include "store/lmdb/test_hooks.h"
+#include "store/texture_pages.h"
 
 namespace mtdb {
 
@@ -18,9 +19,13 @@ namespace {
 
 constexpr size_t kUnitsAtOnce = 64;
 
+uint64_t BytesToCopy(const ObjectRecord& record) {
+  return record.payload_bytes + TextureBytes(record);
+}
+
 Status CopyUnits(ClusterSource& source, ObjectWriter& writer, const CopyProgress& progress) {
   const ClusterIndex& index = source.index();
-  const uint64_t total = source.record().payload_bytes;
+  const uint64_t total = BytesToCopy(source.record());
   uint64_t done = 0;
   std::vector<UnitId> batch;
   for (UnitId first = 0; first < index.unit_count(); first += static_cast<UnitId>(batch.size())) {
@@ -43,6 +48,21 @@ Status CopyUnits(ClusterSource& source, ObjectWriter& writer, const CopyProgress
   return Status::Ok();
 }
 
+Status CopyTexture(ClusterSource& source, ObjectWriter& writer, const CopyProgress& progress) {
+  const ObjectRecord& record = source.record();
+  if (!record.texture) return Status::Ok();
+  uint64_t done = record.payload_bytes;
+  for (uint32_t page = 0; page < record.texture->pages.size(); ++page) {
+    const auto add = [&](ByteSpan part) {
+      MTDB_RETURN_IF_ERROR(writer.AddTexturePage(page, part));
+      done += part.size();
+      return progress ? progress(done, BytesToCopy(record)) : Status::Ok();
+    };
+    MTDB_RETURN_IF_ERROR(ReadTexturePage(source, page, add));
+  }
+  return Status::Ok();
+}
+
 // The progress of one object among all.
 CopyProgress Shifted(const CopyProgress& progress, uint64_t before, uint64_t total) {
   if (!progress) return {};
@@ -55,12 +75,12 @@ Status Fill(const ObjectSources& objects, const std::string& path, bool replace,
   MTDB_ASSIGN_OR_RETURN(const std::shared_ptr<Database> target,
                         Database::Open(path, {.writable = true}));
   uint64_t total = 0, before = 0;
-  for (const auto& object : objects) total += object->record().payload_bytes;
+  for (const auto& object : objects) total += BytesToCopy(object->record());
   for (const auto& object : objects) {
     MTDB_RETURN_IF_ERROR(CopyObject(*object, *target, object->record().name, replace,
                                     Shifted(progress, before, total))
                              .status());
-    before += object->record().payload_bytes;
+    before += BytesToCopy(object->record());
   }
   return Status::Ok();
 }
@@ -119,6 +139,7 @@ Result<ObjectRecord> CopyObject(ClusterSource& source, Database& target, const s
   return CatchOutOfMemory([&]() -> Result<ObjectRecord> {
     MTDB_ASSIGN_OR_RETURN(const std::unique_ptr<ObjectWriter> writer, target.Create(name, replace));
     MTDB_RETURN_IF_ERROR(CopyUnits(source, *writer, progress));
+    MTDB_RETURN_IF_ERROR(CopyTexture(source, *writer, progress));
     const ObjectRecord& from = source.record();
     return writer->Publish(from, [&](const ObjectRecord& copy) {
       if (copy.digest_low == from.digest_low && copy.digest_high == from.digest_high) {

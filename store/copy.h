@@ -14,15 +14,17 @@
 
 namespace mtdb {
 
-// Called again and again with bytes of payloads; an error that it returns ends the work.
+// Called again and again with bytes of payloads and textures; an error that it returns ends the
+// work.
 using CopyProgress = std::function<Status(uint64_t bytes_done, uint64_t bytes_total)>;
 
 // Objects of one store at one moment.
 using ObjectSources = std::vector<std::shared_ptr<ClusterSource>>;
 
-// Copies an object into `target` under `name`: the same payloads, index and digest. Every payload's
-// checksum is verified on the way, and the digest of the whole before it is published. Errors:
-// those of reading and of Database::Create. A source of Database::OpenAll must be of another store.
+// Copies an object into `target` under `name`: the same payloads, textures, index and digest. Every
+// payload's checksum is verified on the way, and the digest of the whole before it is published.
+// Errors: those of reading and of Database::Create. A source of Database::OpenAll must be of
+// another store.
 Result<ObjectRecord> CopyObject(ClusterSource& source, Database& target, const std::string& name,
                                 bool replace, const CopyProgress& progress = {});
 

@@ -68,6 +68,25 @@ struct ObjectUp {
   friend bool operator==(const ObjectUp&, const ObjectUp&) = default;
 };
 
+// Texture coordinates of the object's triangles, and their pages (store/base/texture.h).
+struct TextureRecord {
+  double step = 0;  // u and v are multiples of it; 0: as they came
+  // Errors also bound how far images are displaced: by how much u and v differ from those of the
+  // input's surface, times this scale (model units per unit of u and v).
+  double scale = 0;
+  double rounding = 0;  // the largest difference of u, v that rounding made
+  struct Page {
+    std::string name;
+    std::string media_type;
+    uint32_t width = 0, height = 0;  // pixels; 0: not known
+    uint64_t bytes = 0;              // of the file; 0: the store has none
+    uint64_t checksum = 0;           // likewise
+    friend bool operator==(const Page&, const Page&) = default;
+  };
+  std::vector<Page> pages;
+  friend bool operator==(const TextureRecord&, const TextureRecord&) = default;
+};
+
 enum class ErrorMeasure : uint8_t { kTwoSidedDistance = 0, kVertical = 1 };
 
 struct ObjectRecord {
@@ -89,7 +108,8 @@ struct ObjectRecord {
   std::string units;                  // of lengths, one of kLengthUnits, or empty: not said
   std::string georeference;           // WKT2 or EPSG code as the file or the user said, or empty
   std::optional<RasterFrame> raster;  // PositionMode::kRaster only
-  std::optional<ObjectUp> up;         // none: of an older program, which did not find it
+  std::optional<TextureRecord> texture;
+  std::optional<ObjectUp> up;  // none: of an older program, which did not find it
 
   InputReport input;
   uint64_t vertices = 0;   // of the full-resolution mesh (the drain)

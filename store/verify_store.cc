@@ -5,6 +5,7 @@
 #include <map>
 #include <set>
 
+#include "store/base/running_hash.h"
 #include "store/lmdb/catalog.h"
 #include "store/lmdb/environment.h"
 #include "store/lmdb/object_index.h"
@@ -15,6 +16,7 @@
 #include "store/pages/store_check.h"
 #include "store/records/no_such_object.h"
 #include "store/records/object_digest.h"
+#include "store/records/page_parts.h"
 
 namespace mtdb {
 
@@ -96,7 +98,7 @@ class StoreVerifier {
 
   // Every key belongs to an object of the catalog.
   void CheckOwners() {
-    for (const Table table : {Table::kUnits, Table::kIndex}) {
+    for (const Table table : kObjectTables) {
       std::set<ObjectId> strangers;
       const Status status =
           snapshot_.Scan(table, {}, [&](ByteSpan key, const ValueRef&) -> Result<bool> {
@@ -140,6 +142,8 @@ class StoreVerifier {
     CheckCount(place + ": values of its units", keys.count(), Table::kUnits, record.id);
     CheckCounts(record, *index, place);
 
+    CheckTexture(record, place);
+
     uint64_t payload_bytes = 0;
     bool whole = true;
     for (UnitId unit = 0; unit < index->unit_count(); ++unit) {
@@ -171,6 +175,34 @@ class StoreVerifier {
       Fail(place + ": digest: expected " + record.digest_hex() + " of its record, found another");
     }
     Checked(record.name + ": index, counts and digest");
+  }
+
+  void CheckTexture(const ObjectRecord& record, const std::string& place) {
+    const uint32_t pages = record.texture ? static_cast<uint32_t>(record.texture->pages.size()) : 0;
+    uint64_t parts = 0;
+    for (uint32_t page = 0; page < pages; ++page) {
+      parts += PartsOfPage(record.texture->pages[page].bytes);
+    }
+    CheckCount(place + ": values of its texture", parts, Table::kTextures, record.id);
+    for (uint32_t page = 0; page < pages; ++page) {
+      if (const Status status = CheckTexturePage(record, page, place); !status.ok()) Fail(status);
+      if (Stopped()) return;
+    }
+    if (!record.texture) return;
+    Checked(record.name + ": checksums of " + std::to_string(pages) + " pages of its texture");
+  }
+
+  Status CheckTexturePage(const ObjectRecord& record, uint32_t page, const std::string& place) {
+    const uint64_t size = record.texture->pages[page].bytes;
+    if (size == 0) return Status::Ok();
+    RunningHash hash;
+    for (uint32_t part = 0; part < PartsOfPage(size); ++part) {
+      if (Stopped()) return Status::Ok();
+      MTDB_ASSIGN_OR_RETURN(const Bytes bytes,
+                            ReadTexturePart(snapshot_, record, page, part, place));
+      hash.Add(bytes);
+    }
+    return CheckPageChecksum(record, page, hash.value(), place);
   }
 
   void CheckCount(const std::string& what, uint64_t expected, Table table, ObjectId id) {

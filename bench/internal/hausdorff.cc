@@ -155,7 +155,7 @@ double SymmetricHausdorff(const TriangleMesh& a, const TriangleMesh& b, uint64_t
 }
 
 double LargestVertexDistance(const TriangleMesh& from, const TriangleMesh& to) {
-  const HausdorffMeter::Side surface({{}, to.positions, to.triangles, {}}, 0, 1);
+  const HausdorffMeter::Side surface({{}, to.positions, to.triangles, {}, {}}, 0, 1);
   std::vector<Vec3d> points = from.positions;
   SortAlongCurve(points);
   const std::vector<double> distances = surface.SquaredDistances(points);

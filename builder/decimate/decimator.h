@@ -121,11 +121,13 @@ class Decimator final : public TileDecimator {
   // Of the vertex under evaluation.
   Hole hole_;
   Filling filling_;
+  bool textured_ = false;  // the tile
   bool measured_ = false;  // the filling's diagonals, as far as they are seen
   bool patient_ = false;   // it is measured to its end, whatever else is cheaper
   struct Twins {
     double error = 0;      // the largest of their fillings
     uint32_t corners = 0;  // of their rings
+    uint32_t begin = 0;    // where the first one's ring begins, a first twin
     // That their fillings make, by first twins.
     std::vector<std::pair<uint32_t, uint32_t>> new_edges;
   };
@@ -143,7 +145,8 @@ extern template class Decimator<HeightDifference, FreeFilling>;
 template <FillingMeasure Measure, FillingRule Rule>
 void Decimator<Measure, Rule>::Begin(std::span<const TileTriangle> tile, const Grid& grid,
                                      const MeasureOptions& options) {
-  mesh_.Load(tile, grid, Measure::kMeasure == ErrorMeasure::kVertical);
+  textured_ = options.textured != nullptr;
+  mesh_.Load(tile, grid, Measure::kMeasure == ErrorMeasure::kVertical, !textured_);
   measure_.Begin(mesh_, tile, grid, options);
 }
 
@@ -412,6 +415,7 @@ bool Decimator<Measure, Rule>::EvaluateTwins(uint32_t v) {
   twins_.error = 0;
   twins_.corners = 0;
   twins_.new_edges.clear();
+  twins_.begin = kNone32;
   patient_ = true;
   bool legal = true;
   uint32_t twin = v;
@@ -452,7 +456,17 @@ bool Decimator<Measure, Rule>::NoteNewEdges() {
   const auto edge = [&](uint32_t i, uint32_t j) {
     return std::minmax({mesh_.first_twin(hole_.ring[i]), mesh_.first_twin(hole_.ring[j])});
   };
-  if (twins_.new_edges.empty()) twins_.new_edges.emplace_back(edge(0, hole_.k - 1));
+  const std::pair<uint32_t, uint32_t> chord = edge(0, hole_.k - 1);
+  if (twins_.new_edges.empty()) twins_.new_edges.emplace_back(chord);
+  // A neighbour of more fans than are told apart is another vertex in each sheet.
+  if (twins_.new_edges.front() != chord) return false;
+  // Of a crease that small parts have left behind, two triangles run in opposite directions: a
+  // reader takes such an edge for the inside of a sheet, but for seams of textures.
+  const uint32_t begin = mesh_.first_twin(hole_.ring[0]);
+  if (twins_.begin == kNone32) twins_.begin = begin;
+  if (twins_.begin != begin && !textured_ && mesh_.twin(mesh_.twin(hole_.vertex)) == hole_.vertex) {
+    return false;
+  }
   for (uint32_t t = 1; t < hole_.k - 2; ++t) {
     const std::pair<uint32_t, uint32_t> made =
         edge(filling_.triangles[t][0], filling_.triangles[t][2]);

@@ -5,11 +5,13 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <cstring>
 #include <vector>
 
 #include "store/base/bytes.h"
 #include "store/base/geometry.h"
 #include "store/base/ids.h"
+#include "store/base/texture.h"
 
 namespace mtdb::internal {
 
@@ -73,10 +75,24 @@ static_assert(sizeof(TileTriangle) == 68 && offsetof(TileTriangle, fans) == 66);
 // More triangles at a crease than this, and its ends stay; as many fans are told apart.
 constexpr uint32_t kMostOrder = 15;
 
+// Of a textured object, whose rows of corners end with a TextureCorner.
+struct TileTexture {
+  double step = 0;   // of u and v; 0: none
+  double scale = 0;  // of a unit of u and v, in work units: what it counts when it is displaced
+};
+
 // Some triangles, with the attribute rows of their corners (three a triangle).
 struct TriangleBlock {
   std::vector<TileTriangle> triangles;
   Bytes rows;
+
+  // Of corner `corner` (3 * triangle + 0 .. 2), in rows of so many bytes that end with it.
+  TextureCorner texture(uint64_t corner, size_t row_bytes) const {
+    TextureCorner texture;
+    std::memcpy(&texture, rows.data() + (corner + 1) * row_bytes - sizeof(texture),
+                sizeof(texture));
+    return texture;
+  }
 };
 
 // A vertex removal, to be read backwards as a node. All fans of the vertex go at once; each leaves

@@ -75,7 +75,8 @@ void TileMesh::NumberVertices(std::span<const TileTriangle> tile) {
   }
 }
 
-void TileMesh::Load(std::span<const TileTriangle> tile, const Grid& grid, bool is_height_field) {
+void TileMesh::Load(std::span<const TileTriangle> tile, const Grid& grid, bool is_height_field,
+                    bool has_crumbs) {
   is_height_field_ = is_height_field;
   NumberVertices(tile);
   const auto n = static_cast<uint32_t>(tile.size());
@@ -84,6 +85,7 @@ void TileMesh::Load(std::span<const TileTriangle> tile, const Grid& grid, bool i
     places_[v].position =
         grid.is_linear() ? ToDouble(grid_positions_[v]) : grid.Position(grid_positions_[v]);
     places_[v].locked = fixed_[v];
+    places_[v].outside = fans_[v] != 0 || more_fans_[v] != 0;
     places_[v].twin = places_[v].first_twin = v;
   }
   PairHalfEdges(input_corners_, vertices(), input_opposites_);
@@ -109,12 +111,15 @@ void TileMesh::Load(std::span<const TileTriangle> tile, const Grid& grid, bool i
         a.order = b.order = static_cast<uint8_t>(order);
         a.half_edge = h;
       } else {
-        a.locked = b.locked = true;
+        a.locked = b.locked = a.outside = b.outside = true;
       }
     }
     if (a.half_edge == kNone32) a.half_edge = h;
   }
   if (has_twins_) FindTwins(tile);
+  if (has_crumbs) {
+    for (Place& place : places_) place.outside = place.locked;
+  }
   ring_mark_.assign(vertices(), 0);
   holes_.clear();
   stars_.clear();
@@ -123,6 +128,11 @@ void TileMesh::Load(std::span<const TileTriangle> tile, const Grid& grid, bool i
 
 // A vertex on a chain can go when all its fans are here as a whole.
 void TileMesh::FindTwins(std::span<const TileTriangle> tile) {
+  std::vector<uint8_t> open(vertices());  // of vertices: a triangle of their fan is elsewhere
+  for (uint32_t h = 0; h < 3 * tile.size(); ++h) {
+    if (opposite(h) != kNone32 || order(h) != 0) continue;
+    open[Origin(h)] = open[Origin(Next(h))] = 1;
+  }
   std::vector<std::pair<uint32_t, uint32_t>> fans;  // the first one's number, the vertex here
   for (uint32_t v = 0; v < vertices(); ++v) {
     const uint32_t corner = first_corner_[v];
@@ -133,16 +143,20 @@ void TileMesh::FindTwins(std::span<const TileTriangle> tile) {
   });
   for (size_t begin = 0, end = 0; begin < fans.size(); begin = end) {
     bool locked = false;
+    bool outside = false;
     uint32_t order = 1;
     for (; end < fans.size() && fans[end].first == fans[begin].first; ++end) {
-      const Place& place = places_[fans[end].second];
-      locked |= place.locked;
-      order = std::max<uint32_t>(order, place.order);
+      const uint32_t v = fans[end].second;
+      locked |= places_[v].locked;
+      outside |= open[v] != 0 || fans_[v] != end - begin;
+      order = std::max<uint32_t>(order, places_[v].order);
     }
     locked |= end - begin != order;
+    outside |= more_fans_[fans[end - 1].second] != 0;
     for (size_t i = begin; i < end; ++i) {
       Place& place = places_[fans[i].second];
       place.locked = locked;
+      place.outside = outside;
       place.twin = fans[i + 1 == end ? begin : i + 1].second;
       place.first_twin = fans[begin].second;
     }
@@ -193,14 +207,14 @@ bool TileMesh::AnyNeighbour(uint32_t v, F&& f) const {
   return false;
 }
 
-// Every edge with an unlocked end is in a fan of that end, and all these are whole.
-bool TileMesh::AreAdjacent(uint32_t unlocked, uint32_t other) const {
+// Every edge with an end that is here as a whole is in a fan of that end.
+bool TileMesh::AreAdjacent(uint32_t whole, uint32_t other) const {
   const uint32_t wanted = first_twin(other);
-  uint32_t v = unlocked;
+  uint32_t v = whole;
   do {
     if (AnyNeighbour(v, [&](uint32_t w) { return first_twin(w) == wanted; })) return true;
     v = twin(v);
-  } while (v != unlocked);
+  } while (v != whole);
   return false;
 }
 
@@ -217,10 +231,10 @@ bool TileMesh::EdgesAreFree(const Hole& hole) const {
   if (hole.boundary) {
     const uint32_t a = ring[0];
     const uint32_t b = ring[k - 1];
-    return locked(a) ? !locked(b) && !AreAdjacent(b, a) : !AreAdjacent(a, b);
+    return outside(a) ? !outside(b) && !AreAdjacent(b, a) : !AreAdjacent(a, b);
   }
   if (k > 3) return true;
-  if (locked(ring[0]) && locked(ring[1]) && locked(ring[2])) return false;
+  if (outside(ring[0]) && outside(ring[1]) && outside(ring[2])) return false;
   for (uint32_t i = 0; i < 3; ++i) {
     const uint32_t o = opposite(hole.ring_edges[i]);
     if (o != kNone32 && first_twin(Origin(Previous(o))) == first_twin(ring[(i + 2) % 3])) {
@@ -239,14 +253,14 @@ void TileMesh::ForbidEdges(Hole& hole, bool existing) {
   }
   for (uint32_t i = 0; i < k; ++i) {
     for (uint32_t j = 0; j < k; ++j) {
-      hole.forbidden[i][j] = locked(ring[i]) && locked(ring[j]);
+      hole.forbidden[i][j] = outside(ring[i]) && outside(ring[j]);
     }
   }
   if (!existing) return;
   // As AreAdjacent.
   for (uint32_t i = 0; i < k; ++i) ring_mark_[first_twin(ring[i])] = i + 1;
   for (uint32_t i = 0; i < k; ++i) {
-    if (locked(ring[i])) continue;
+    if (outside(ring[i])) continue;
     uint32_t v = ring[i];
     do {
       AnyNeighbour(v, [&](uint32_t w) {
@@ -266,7 +280,7 @@ bool TileMesh::UsesExistingEdge(const Hole& hole, const Hole::Triangles& triangl
   for (uint32_t t = 1; t < hole.k - 2; ++t) {
     const uint32_t a = hole.ring[triangles[t][0]];
     const uint32_t b = hole.ring[triangles[t][2]];
-    if (locked(a) ? AreAdjacent(b, a) : AreAdjacent(a, b)) return true;
+    if (outside(a) ? AreAdjacent(b, a) : AreAdjacent(a, b)) return true;
   }
   return false;
 }

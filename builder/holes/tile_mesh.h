@@ -22,7 +22,8 @@ constexpr uint32_t Previous(uint32_t h) { return h % 3 == 0 ? h + 2 : h - 1; }
 // Triangles and vertices have local numbers: the tile's triangles first, then those that fillings
 // made; vertices in order of first use. Half-edge 3 * triangle + i leaves corner i for corner i
 // + 1. Keeps topology and orientation: what it is asked to do is legal, see EdgesAreFree and
-// ForbidEdges. A vertex on the tile's seam, or one that stays everywhere, is locked.
+// ForbidEdges. A vertex on the tile's seam, or one that stays everywhere, is locked. One that may
+// have triangles in other tiles is outside.
 //
 // The sheets that meet in a chain of creases are apart here: a vertex of the chain is as many
 // vertices as it has fans, its twins, each on the border of its sheet. They have one place, and go
@@ -31,8 +32,11 @@ class TileMesh {
  public:
   // `grid` gives the tile's positions in work units: grid steps, or model units when lossless. Of a
   // height field, edges are segments in the plane, so that no two of them have the same ends: all
-  // that are asked for are free.
-  void Load(std::span<const TileTriangle> tile, const Grid& grid, bool is_height_field);
+  // that are asked for are free. `has_crumbs`: small parts may vanish from the surface, or have
+  // (RemoveCrumbs). One that comes back may have an edge between two vertices that stay, so that
+  // all of these are outside then.
+  void Load(std::span<const TileTriangle> tile, const Grid& grid, bool is_height_field,
+            bool has_crumbs = true);
 
   uint32_t vertices() const { return static_cast<uint32_t>(vertices_.size()); }
   uint32_t triangles() const { return static_cast<uint32_t>(triangles_.size()); }
@@ -41,6 +45,8 @@ class TileMesh {
   uint32_t sides() const { return triangles() + two_sided_; }
   // The input's numbering.
   std::span<const uint32_t> vertex_numbers() const { return vertices_; }
+  // Of a vertex: 3 * triangle + corner, of the tile as it was loaded.
+  uint32_t first_corner(uint32_t v) const { return first_corner_[v]; }
   bool locked(uint32_t v) const { return places_[v].locked; }
   bool fixed(uint32_t v) const { return fixed_[v] != 0; }  // stays everywhere
   // The next fan of the vertex, after the last one the first; v when it is the only one.
@@ -58,10 +64,11 @@ class TileMesh {
   // when it has more than `limit` neighbours (at most Hole::kMaxRing).
   bool OpenHole(uint32_t v, uint32_t limit, Hole& hole) const;
   // False when no filling of the hole is legal: the new border edge exists already, or the new
-  // triangle would be locked as a whole, close a tetrahedron, or have creases all around.
+  // triangle has no vertex that is not outside, would close a tetrahedron, or have creases all
+  // around.
   bool EdgesAreFree(const Hole& hole) const;
-  // Sets hole.forbidden: edges between two locked vertices (the neighbouring tile may hold or make
-  // the same edge) and, when `existing`, edges that are there.
+  // Sets hole.forbidden: edges between two vertices that are outside (a neighbouring tile may hold
+  // or make the same edge) and, when `existing`, edges that are there.
   void ForbidEdges(Hole& hole, bool existing);
   // True when a diagonal of the filling is an edge of the mesh already.
   bool UsesExistingEdge(const Hole& hole, const Hole::Triangles& triangles) const;
@@ -88,13 +95,15 @@ class TileMesh {
     uint32_t twin = 0, first_twin = 0;
     uint8_t order = 0;  // of the creases at it; 0: none
     bool locked = false, removed = false;
+    bool outside = false;  // has triangles in other tiles, or may have
   };
   void FindTwins(std::span<const TileTriangle> tile);
   void NumberVertices(std::span<const TileTriangle> tile);
   void LinkFilling(const Hole& hole, const Hole::Triangles& triangles, uint32_t first);
-  bool AreAdjacent(uint32_t unlocked, uint32_t other) const;
-  // Calls f(w) for the neighbours of a vertex that is not locked, until it returns true; says
-  // whether it did.
+  bool outside(uint32_t v) const { return places_[v].outside; }
+  bool AreAdjacent(uint32_t whole, uint32_t other) const;
+  // Calls f(w) for the neighbours of a vertex in its fan, which is here as a whole, until it
+  // returns true; says whether it did.
   template <typename F>
   bool AnyNeighbour(uint32_t v, F&& f) const;
 

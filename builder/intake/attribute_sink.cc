@@ -12,6 +12,17 @@ namespace mtdb::internal {
 
 namespace {
 
+// An eighth of a texel of the largest page, as a power of two.
+double TextureStep(const BuildOptions& options, const std::vector<Texture>& textures) {
+  if (options.texture_step) return *options.texture_step;
+  if (options.mode == PositionMode::kLossless) return 0;
+  constexpr double kTexels = 8;
+  uint32_t most = 0;
+  for (const Texture& texture : textures) most = std::max({most, texture.width, texture.height});
+  if (most == 0) most = 4096;
+  return std::exp2(-std::ceil(std::log2(kTexels * most)));
+}
+
 template <typename T>
 T Load(const std::byte* p) {
   T v;
@@ -35,6 +46,14 @@ Status AttributeSink::Begin(const MeshHeader& header) {
   }
   if (const std::string fault = AttributeNamesFault(header.attributes); !fault.empty()) {
     return BadInput(fault + "; give it another name");
+  }
+  textured_ = rounded.textured =
+      header.textured && !options_->drop_texture && !options_->terrain && !options_->height_field;
+  if (!textured_) rounded.textures.clear();
+  if (textured_) rounded.texture_step = TextureStep(*options_, header.textures);
+  if (rounded.textures.size() > kMostPages) {
+    return BadInput(std::to_string(header.textures.size()) + " pages of texture, but at most " +
+                    std::to_string(kMostPages) + " are supported; leave the texture out");
   }
   if (options_->normal_bits) {
     constexpr const char* kNames[] = {"nx", "ny", "nz"};

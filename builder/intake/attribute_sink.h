@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// AttributeSink: rounds attributes to what the build options ask for, on their way to the spool.
+// AttributeSink: rounds attributes to what the build options ask for, on their way to the spool;
+// and says to what texture coordinates are to be rounded.
 #pragma once
 
 #include <functional>
@@ -29,6 +30,9 @@ class AttributeSink final : public MeshSink {
   Status AddTriangles(std::span<const TriangleVertices> triangles) override {
     return sink_->AddTriangles(triangles);
   }
+  Status AddCorners(std::span<const TextureCorner> corners) override {
+    return textured_ ? sink_->AddCorners(corners) : Status::Ok();
+  }
   Status End() override { return sink_->End(); }
   bool joins_soup() const override { return sink_->joins_soup(); }
 
@@ -44,6 +48,7 @@ class AttributeSink final : public MeshSink {
   std::function<Status(const MeshHeader&)> on_header_;
   std::vector<Rounded> rounded_;
   size_t row_bytes_ = 0;
+  bool textured_ = false;
   uint64_t vertices_ = 0;  // before this block
   Bytes rows_;
 };

@@ -85,6 +85,9 @@ Status CheckBuildOptions(const BuildOptions& options) {
       return InvalidArgument("step of attribute " + step.name + ": must be a positive number");
     }
   }
+  if (options.texture_step && !(*options.texture_step >= 0 && *options.texture_step <= 1)) {
+    return InvalidArgument("texture step: must be a number from 0 to 1");
+  }
   if (options.memory_bytes < kLeastMemory) {
     return InvalidArgument("memory: at least 256 MiB are needed, " +
                            std::to_string(options.memory_bytes >> 20) + " MiB are allowed");

@@ -57,13 +57,16 @@ Status InputMesh::TurnOver(const SpoolSpace* space, size_t memory_bytes,
                            const std::function<Result<bool>()>& turned) {
   const Spool old = std::exchange(triangle_spool_, Spool(space, memory_bytes));
   SpoolReader reader(&old);
+  if (textured()) corners_.BeginKeeping();
   for (uint64_t left = old.size() / kTriangleBytes; left > 0; --left) {
     std::array<uint32_t, 3> t;
     if (!reader.Get(&t)) return reader.status();
     MTDB_ASSIGN_OR_RETURN(const bool turn, turned());
     if (turn) std::swap(t[1], t[2]);
+    if (textured()) MTDB_RETURN_IF_ERROR(corners_.PutNext(turn));
     MTDB_RETURN_IF_ERROR(triangle_spool_.Append(t.data(), kTriangleBytes));
   }
+  if (textured()) MTDB_RETURN_IF_ERROR(corners_.EndKeeping());
   return triangle_spool_.Finish();
 }
 

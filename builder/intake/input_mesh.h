@@ -7,6 +7,7 @@
 #include <functional>
 
 #include "builder/disk/spool.h"
+#include "builder/intake/corner_spool.h"
 #include "builder/intake/decimals.h"
 #include "store/base/geometry.h"
 #include "store/base/mesh_sink.h"
@@ -47,6 +48,10 @@ class InputMesh {
   const Spool& triangle_spool() const { return triangle_spool_; }
   static constexpr size_t kTriangleBytes = 12;
 
+  // Whether triangles have texture coordinates; these, in the order of the triangles.
+  bool textured() const { return header_.textured; }
+  const CornerSpool& corners() const { return corners_; }
+
   // Turns triangles over: those of which `turned` says so, which is asked in their order.
   Status TurnOver(const SpoolSpace* space, size_t memory_bytes,
                   const std::function<Result<bool>()>& turned);
@@ -61,6 +66,7 @@ class InputMesh {
   MeshHeader header_;
   Spool vertex_spool_{nullptr, 0};
   Spool triangle_spool_{nullptr, 0};
+  CornerSpool corners_;
   InputReport report_;
   Box3d bounds_;
   Decimals decimals_;
@@ -71,5 +77,10 @@ class InputMesh {
   double rounding_ = 0;
   size_t row_bytes_ = 0;
 };
+
+// What a tile has for a corner: the vertex's row and, of textured meshes, a TextureCorner.
+inline size_t CornerRowBytes(const InputMesh& mesh) {
+  return mesh.row_bytes() + (mesh.textured() ? sizeof(TextureCorner) : 0);
+}
 
 }  // namespace mtdb::internal

@@ -22,6 +22,10 @@ Status InputSpool::Begin(const MeshHeader& header) {
   for (Spool* spool : {&soup_spool_, &vertex_spool_, &triangle_spool_}) {
     *spool = Spool(space_, memory_bytes_ / 4);
   }
+  if (header.textured) {
+    if (header.soup) return InvalidArgument("a triangle soup with texture coordinates");
+    corners_ = CornerSpool(space_, memory_bytes_ / 4, header.texture_step, header.textures.size());
+  }
   doubles_ = header.double_positions || (header.from_text && !lossless_);
   row_bytes_ = header.attributes.row_bytes();
   return Status::Ok();
@@ -58,12 +62,13 @@ Status InputSpool::AddVertices(std::span<const Vec3d> positions, ByteSpan rows) 
   return Status::Ok();
 }
 
-Status InputSpool::AppendTriangle(const std::array<uint32_t, 3>& t) {
+Result<bool> InputSpool::AppendTriangle(const std::array<uint32_t, 3>& t) {
   if (t[0] == t[1] || t[1] == t[2] || t[2] == t[0]) {
     ++report_.degenerate_triangles;
-    return Status::Ok();
+    return false;
   }
-  return triangle_spool_.Append(t.data(), kTriangleBytes);
+  MTDB_RETURN_IF_ERROR(triangle_spool_.Append(t.data(), kTriangleBytes));
+  return true;
 }
 
 // A stray vertex must not make the grid coarser.
@@ -87,6 +92,7 @@ Status InputSpool::FindBounds() {
 }
 
 Status InputSpool::AddTriangles(std::span<const TriangleVertices> triangles) {
+  appended_.clear();
   for (const TriangleVertices& t : triangles) {
     for (const VertexIndex v : t) {
       if (v > largest_index_) {
@@ -97,9 +103,24 @@ Status InputSpool::AddTriangles(std::span<const TriangleVertices> triangles) {
     ++report_.triangles;
     if (header_.soup) continue;                   // their corners are all that there is to know
     if (largest_index_ > kMaxVertices) continue;  // an error, at End()
-    MTDB_RETURN_IF_ERROR(AppendTriangle(
-        {static_cast<uint32_t>(t[0]), static_cast<uint32_t>(t[1]), static_cast<uint32_t>(t[2])}));
+    MTDB_ASSIGN_OR_RETURN(const bool stays,
+                          AppendTriangle({static_cast<uint32_t>(t[0]), static_cast<uint32_t>(t[1]),
+                                          static_cast<uint32_t>(t[2])}));
+    if (header_.textured) appended_.push_back(stays);
   }
+  return Status::Ok();
+}
+
+Status InputSpool::AddCorners(std::span<const TextureCorner> corners) {
+  if (!header_.textured || largest_index_ > kMaxVertices) return Status::Ok();
+  MTDB_CHECK(corners.size() == 3 * appended_.size(), "three corners for each triangle");
+  const uint64_t first = report_.triangles - appended_.size();
+  for (size_t i = 0; i < appended_.size(); ++i) {
+    if (!appended_[i]) continue;
+    MTDB_RETURN_IF_ERROR(
+        corners_.Add({corners[3 * i], corners[3 * i + 1], corners[3 * i + 2]}, first + i));
+  }
+  appended_.clear();
   return Status::Ok();
 }
 
@@ -114,12 +135,17 @@ Status InputSpool::End() {
     MTDB_ASSIGN_OR_RETURN(
         report_.vertices,
         JoinSoup(soup_spool_, doubles_, space_, memory_bytes_ / 4, &vertex_spool_,
-                 [&](const std::array<uint32_t, 3>& t) { return AppendTriangle(t); }));
+                 [&](const std::array<uint32_t, 3>& t) { return AppendTriangle(t).status(); }));
     soup_spool_ = Spool(space_, 0);
   }
   vertices_ = report_.vertices;
   MTDB_RETURN_IF_ERROR(vertex_spool_.Finish());
   MTDB_RETURN_IF_ERROR(triangle_spool_.Finish());
+  if (header_.textured) {
+    MTDB_RETURN_IF_ERROR(corners_.Finish(texture_step_given_));
+    header_.texture_step = corners_.step();
+    MTDB_CHECK(corners_.triangles() == triangles(), "three corners for each triangle");
+  }
   if (weld_ && vertices_ != 0) {
     if (!header_.soup) MTDB_RETURN_IF_ERROR(WeldEqual());
     if (*weld_ > 0) MTDB_RETURN_IF_ERROR(WeldNear());
@@ -160,12 +186,20 @@ Status InputSpool::WeldNear() {
 
 Status InputSpool::WeldSeams() {
   Spool left(space_, memory_bytes_ / 4), triangles_left(space_, memory_bytes_ / 4);
-  const SeamJoinInput input{&vertex_spool_, vertex_bytes(), doubles_, &triangle_spool_};
+  SeamJoinInput input{&vertex_spool_, vertex_bytes(), doubles_, &triangle_spool_, {}};
+  if (textured()) {
+    corners_.BeginKeeping();
+    input.told = [&](bool stays) { return corners_.Keep(stays); };
+  }
   MTDB_ASSIGN_OR_RETURN(const SeamJoinTotals totals,
                         internal::JoinSeams(input, space_, memory_bytes_, &left, &triangles_left));
   equal_vertices_ = totals.equal;
   attributes_differ_ = totals.attributes_differ;
-  if (totals.joined == 0) return Status::Ok();
+  if (totals.joined == 0) {
+    corners_.KeepAll();
+    return Status::Ok();
+  }
+  if (textured()) MTDB_RETURN_IF_ERROR(corners_.EndKeeping());
   vertices_ = totals.vertices;
   vertex_spool_ = std::move(left);
   MTDB_RETURN_IF_ERROR(vertex_spool_.Finish());
@@ -181,13 +215,16 @@ Status InputSpool::Renumber(Spool& numbers) {
   const Spool old = std::exchange(triangle_spool_, Spool(space_, memory_bytes_ / 4));
   const CornerTable table{&numbers, numbers.size() / sizeof(uint32_t), sizeof(uint32_t),
                           sizeof(uint32_t)};
+  if (textured()) corners_.BeginKeeping();
   MTDB_RETURN_IF_ERROR(GatherCorners(
       old, table, space_, memory_bytes_ / 4,
       [&](const std::array<uint32_t, 3>&, const std::array<const std::byte*, 3>& corners) {
         std::array<uint32_t, 3> t;
         for (size_t c = 0; c < 3; ++c) std::memcpy(&t[c], corners[c], sizeof(uint32_t));
-        return AppendTriangle(t);
+        MTDB_ASSIGN_OR_RETURN(const bool stays, AppendTriangle(t));
+        return textured() ? corners_.Keep(stays) : Status::Ok();
       }));
+  if (textured()) MTDB_RETURN_IF_ERROR(corners_.EndKeeping());
   return triangle_spool_.Finish();
 }
 

@@ -59,7 +59,13 @@ AttributeCost CostOf(const AttributeLayout& attributes, uint64_t tile_triangles)
 }  // namespace
 
 Result<MemoryPlan> PlanMemory(const BuildOptions& options, unsigned threads,
-                              const AttributeLayout& attributes) {
+                              const AttributeLayout& vertex_attributes, bool textured) {
+  AttributeLayout attributes = vertex_attributes;
+  if (textured) {
+    const AttributeLayout corners = CornerLayout(0);
+    attributes.attributes.insert(attributes.attributes.end(), corners.attributes.begin(),
+                                 corners.attributes.end());
+  }
   const uint64_t row = attributes.row_bytes();
   if (row > kMaxRowBytes || row * options.tile_triangles > kMaxTileRowBytes) {
     const uint64_t most = std::min(kMaxRowBytes, kMaxTileRowBytes / options.tile_triangles);

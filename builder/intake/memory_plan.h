@@ -22,7 +22,7 @@ struct MemoryPlan {
 // saying what is needed, when not even one tile at a time fits; kUnsupported when a vertex carries
 // more than any cluster could hold.
 Result<MemoryPlan> PlanMemory(const BuildOptions& options, unsigned threads,
-                              const AttributeLayout& attributes);
+                              const AttributeLayout& attributes, bool textured = false);
 
 // The most that the temporary files of a build will take, for a mesh of so many triangles; 0 when
 // all of it fits in `spool_bytes`.

@@ -17,10 +17,11 @@ Result<MeshSurvey> ReadMesh(const MeshProducer& produce, const BuildOptions& opt
   } else if (!options.keep_apart && !options.terrain) {
     input->JoinSeams();
   }
+  if (options.texture_step) input->KeepTextureStep();
   AttributeSink attributes(&options, input, [&](const MeshHeader& header) {
     const unsigned threads =
         options.threads != 0 ? options.threads : std::max(1u, std::thread::hardware_concurrency());
-    MTDB_ASSIGN_OR_RETURN(*plan, PlanMemory(options, threads, header.attributes));
+    MTDB_ASSIGN_OR_RETURN(*plan, PlanMemory(options, threads, header.attributes, header.textured));
     input->SetMemory(plan->spool_bytes / 4);
     return Status::Ok();
   });
@@ -35,7 +36,7 @@ Result<MeshSurvey> ReadMesh(const MeshProducer& produce, const BuildOptions& opt
   survey.kept_triangles = input->triangles();
   survey.bounds = input->bounds();
   survey.temporary_bytes =
-      TemporaryBytes(options, input->triangles(), input->row_bytes(), plan->spool_bytes);
+      TemporaryBytes(options, input->triangles(), CornerRowBytes(*input), plan->spool_bytes);
   return survey;
 }
 

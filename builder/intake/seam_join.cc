@@ -464,10 +464,10 @@ class SeamJoin {
         [&](const std::array<uint32_t, 3>&, const std::array<const std::byte*, 3>& corners) {
           std::array<NewPlace, 3> now;
           for (size_t c = 0; c < 3; ++c) std::memcpy(&now[c], corners[c], sizeof(NewPlace));
-          if (now[0].like == now[1].like || now[1].like == now[2].like ||
-              now[2].like == now[0].like) {
-            return Status::Ok();
-          }
+          const bool stays = now[0].like != now[1].like && now[1].like != now[2].like &&
+                             now[2].like != now[0].like;
+          if (input_.told) MTDB_RETURN_IF_ERROR(input_.told(stays));
+          if (!stays) return Status::Ok();
           const std::array<uint32_t, 3> t{now[0].number, now[1].number, now[2].number};
           return triangles->Append(t.data(), kTriangleBytes);
         });

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 
 #include "builder/disk/spool.h"
 #include "store/base/status.h"
@@ -17,6 +18,8 @@ struct SeamJoinInput {
   size_t vertex_bytes = 0;
   bool doubles = false;
   const Spool* triangles = nullptr;
+  // Unless empty: is told of each triangle, in their order, whether it has area.
+  std::function<Status(bool)> told;
 };
 
 struct SeamJoinTotals {

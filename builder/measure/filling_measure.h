@@ -29,6 +29,10 @@ struct BorderPlane {
 struct MeasureOptions {
   const TileSurface* surface = nullptr;  // null: the tile itself. Of measures that go on
   const BorderPlane* border = nullptr;   // null: borders keep their shape. Of height fields
+  // Of textured tiles, whose corners' rows have so many bytes. Of surfaces in space.
+  const TriangleBlock* textured = nullptr;
+  size_t row_bytes = 0;
+  double texture_scale = 0;  // TileTexture::scale
 };
 
 // A measure is asked of one tile after the other, and for each in this order:

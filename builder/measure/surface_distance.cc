@@ -36,8 +36,38 @@ void SurfaceDistance::Begin(const TileMesh& mesh, std::span<const TileTriangle> 
       chord.to = local[chord.to];
     }
   }
+  LoadTexture(options, local);
   map_.Build(mesh, triangles, opposites, errors, numbers);
   map_.AddChords(std::move(chords), mesh, numbers);
+}
+
+// `local`: of the surface's vertices.
+void SurfaceDistance::LoadTexture(const MeasureOptions& options, std::span<const uint32_t> local) {
+  texture_.clear();
+  if (options.textured == nullptr) return;
+  const auto add = [&](const TextureCorner& corner) {
+    texture_.push_back(Vec3d{corner.u, corner.v, 0} * options.texture_scale);
+  };
+  for (uint32_t v = 0; v < mesh_->vertices(); ++v) {
+    add(options.textured->texture(mesh_->first_corner(v), options.row_bytes));
+  }
+  for (size_t v = 0; v < local.size(); ++v) {
+    if (local[v] >= mesh_->vertices()) add(options.surface->corners[v]);
+  }
+}
+
+double SurfaceDistance::FromTriangle(const Hole& hole, uint32_t v,
+                                     const Hole::Triangle& triangle) const {
+  if (!textured()) return std::sqrt(SquaredDistance(hole, triangle, positions_[v]));
+  const auto [i, m, j] = triangle;
+  return PointTriangleSlip(At(v), {At(hole.ring[i]), At(hole.ring[m]), At(hole.ring[j])});
+}
+
+double SurfaceDistance::FromDiagonal(const Hole& hole, uint32_t a, uint32_t b, uint32_t i,
+                                     uint32_t j) const {
+  if (textured()) return SegmentSegmentSlip(At(a), At(b), At(hole.ring[i]), At(hole.ring[j]));
+  return std::sqrt(SquaredDistanceSegmentSegment(positions_[a], positions_[b], hole.positions[i],
+                                                 hole.positions[j]));
 }
 
 void SurfaceDistance::End(TileResult& result) const {
@@ -59,22 +89,24 @@ void SurfaceDistance::Open(Hole& hole) {
   const double length = Length(normal);
   hole.LookAlong(length > 0 ? normal * (1 / length) : Vec3d{0, 0, 1}, length);
   GatherSamples(hole);
-  fresh_ = IsFresh(hole);
-  if (fresh_) return;
+  star_.fresh = IsFresh(hole);
+  if (star_.fresh) return;
   double squared = 0;
   for (uint32_t i = 0; i < hole.k; ++i) squared = std::max(squared, SquaredLength(hole.points[i]));
   for (const Vec3d& p : points_) squared = std::max(squared, SquaredLength(p));
-  size_ = squared > 0 ? std::sqrt(squared) : 1;
-  spread_.Set(points_, 1 / size_);
+  star_.size = squared > 0 ? std::sqrt(squared) : 1;
+  spread_.Set(points_, 1 / star_.size);
 }
 
 // The border vertices that were removed between the ends of the new border edge lie on it.
 void SurfaceDistance::MeasureBorder(Hole& hole) const {
   double error = 0;
   ForEachOnNewBorder(hole, [&](uint32_t w) {
-    const double squared =
-        SquaredDistancePointSegment(positions_[w], hole.positions[hole.k - 1], hole.positions[0]);
-    error = std::max(error, std::sqrt(squared) + vertex_error(w));
+    const double distance =
+        textured() ? PointSegmentSlip(At(w), At(hole.ring[hole.k - 1]), At(hole.ring[0]))
+                   : std::sqrt(SquaredDistancePointSegment(
+                         positions_[w], hole.positions[hole.k - 1], hole.positions[0]));
+    error = std::max(error, distance + vertex_error(w));
   });
   hole.edge_error[0][hole.k - 1] = error;
 }
@@ -82,7 +114,7 @@ void SurfaceDistance::MeasureBorder(Hole& hole) const {
 // Of a star of the surface itself they are not too low, but for those that leave it, which are not
 // used then.
 bool SurfaceDistance::PriceEdges(Hole& hole) {
-  if (fresh_) {
+  if (star_.fresh) {
     MeasureOverSpokes<false>(hole);
   } else {
     GuessEdges(hole);
@@ -108,14 +140,14 @@ void SurfaceDistance::LookAt(const Hole& hole, const Filling& filling) {
   looked_at_ = true;
   at_home_ = placed_ = false;
   seen_ = filling.triangles;
-  if (!fresh_) lanes_.Set(hole, seen_, spread_.scale);
+  if (!star_.fresh) lanes_.Set(hole, seen_, spread_.scale);
 }
 
 // Where the removed vertices that are points go. Homes are chosen by distances in binary32; of a
 // star of the surface itself, where the vertex goes, in binary64.
 void SurfaceDistance::FindHomes(const Hole& hole) {
   if (std::exchange(at_home_, true)) return;
-  if (!fresh_) {
+  if (!star_.fresh) {
     lanes_.FindNearest(spread_, squared_, homes_);
     return;
   }
@@ -143,12 +175,12 @@ double SurfaceDistance::FirstBound(const Hole& hole, const Filling& filling, dou
   double bound = RimError(hole);
   if (bound > enough || points_.empty()) return bound;
   LookAt(hole, filling);
-  if (fresh_) {
+  if (star_.fresh) {
     FindHomes(hole);
     return std::max(bound, distance_ + vertex_error(hole.vertex));
   }
   if (!hole.boundary) {
-    const double about = std::sqrt(double{lanes_.SquaredDistance(points_.back())}) * size_;
+    const double about = std::sqrt(double{lanes_.SquaredDistance(points_.back())}) * star_.size;
     bound = std::max(bound, about + vertex_error(hole.vertex));
     if (bound > enough) return bound;
   }
@@ -172,11 +204,10 @@ void SurfaceDistance::MeasureFreshEdges(Hole& hole, const Filling& filling) {
     const uint32_t end = home_behind ? i + k : j;
     for (uint32_t n = begin; n < end; ++n) {
       const uint32_t r = n < k ? n : n - k;
-      const double squared = SquaredDistanceSegmentSegment(hole.apex, hole.positions[r],
-                                                           hole.positions[i], hole.positions[j]);
+      const double distance = FromDiagonal(hole, hole.vertex, hole.ring[r], i, j);
       const double own = std::max(triangles_[hole.star[r]].error,
                                   triangles_[hole.star[r == 0 ? k - 1 : r - 1]].error);
-      error = std::max(error, std::sqrt(squared) + own);
+      error = std::max(error, distance + own);
     }
     hole.edge_error[i][j] = error;
   }
@@ -184,7 +215,7 @@ void SurfaceDistance::MeasureFreshEdges(Hole& hole, const Filling& filling) {
 
 void SurfaceDistance::MeasureEdges(Hole& hole, const Filling& filling, const Hole::PerEdge<bool>&) {
   LookAt(hole, filling);
-  if (fresh_) {
+  if (star_.fresh) {
     MeasureFreshEdges(hole, filling);
     return;
   }
@@ -208,9 +239,7 @@ void SurfaceDistance::MeasureCrossings(const Hole& hole, const Filling& filling,
     for (; crossed != 0; crossed &= crossed - 1) {
       const auto t = static_cast<uint32_t>(std::countr_zero(crossed));
       const auto [i, m, j] = filling.triangles[t];
-      const double squared = SquaredDistanceSegmentSegment(
-          positions_[edge.from], positions_[edge.to], hole.positions[i], hole.positions[j]);
-      errors[t] = std::max(errors[t], std::sqrt(squared) + edge.error);
+      errors[t] = std::max(errors[t], FromDiagonal(hole, edge.from, edge.to, i, j) + edge.error);
     }
   };
   for (const SurfaceMap::InnerEdge& inner : map_.inner_edges()) {
@@ -237,10 +266,9 @@ void SurfaceDistance::Measure(const Hole& hole, Filling& filling) {
     double& error = filling.errors[homes_[s]];
     const double own = vertex_error(samples_[s]);
     // What rounding may hide is far less than this.
-    if (!fresh_ && AboutDistance(s) * 1.001 + 1e-4 * size_ + own <= error) continue;
-    const double squared =
-        SquaredDistance(hole, filling.triangles[homes_[s]], positions_[samples_[s]]);
-    error = std::max(error, std::sqrt(squared) + own);
+    if (!star_.fresh && !textured() && AboutDistance(s) * 1.001 + 1e-4 * star_.size + own <= error)
+      continue;
+    error = std::max(error, FromTriangle(hole, samples_[s], filling.triangles[homes_[s]]) + own);
   }
   filling.error = *std::max_element(filling.errors.begin(), filling.errors.begin() + (hole.k - 2));
 }

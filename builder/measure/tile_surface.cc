@@ -26,6 +26,7 @@ template <typename Surface, typename F>
 void ForEachList(Surface& s, F&& f) {
   f(s.vertices);
   f(s.positions);
+  f(s.corners);
   f(s.triangles);
   f(s.errors);
   f(s.held);
@@ -70,7 +71,7 @@ class Gathering {
     }
     std::vector<uint32_t> number(count, kNone32);
     const auto number_of = [&](uint32_t v) {
-      if (number[v] == kNone32) number[v] = Number(surface.vertices[v], surface.positions[v]);
+      if (number[v] == kNone32) number[v] = Number(surface, v);
       return number[v];
     };
     for (const HeldVertex& held : surface.held) {
@@ -121,11 +122,13 @@ class Gathering {
     all_.errors.resize(before.size());
   }
 
-  uint32_t Number(uint32_t vertex, Vec3i position) {
-    const auto [number, fresh] = numbers_.Add(vertex, static_cast<uint32_t>(all_.vertices.size()));
+  uint32_t Number(const TileSurface& from, size_t v) {
+    const auto [number, fresh] =
+        numbers_.Add(from.vertices[v], static_cast<uint32_t>(all_.vertices.size()));
     if (fresh) {
-      all_.vertices.push_back(vertex);
-      all_.positions.push_back(position);
+      all_.vertices.push_back(from.vertices[v]);
+      all_.positions.push_back(from.positions[v]);
+      if (!from.corners.empty()) all_.corners.push_back(from.corners[v]);
     }
     return number;
   }

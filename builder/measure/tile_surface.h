@@ -15,6 +15,7 @@
 #include "store/base/bytes.h"
 #include "store/base/ids.h"
 #include "store/base/status.h"
+#include "store/base/texture.h"
 
 namespace mtdb::internal {
 
@@ -30,8 +31,9 @@ struct HeldVertex {
 struct TileSurface {
   uint32_t round = 0;  // the one that began with the surface
   // The surface's triangles that are not triangles of the tile.
-  std::vector<uint32_t> vertices;  // the input's numbering
-  std::vector<Vec3i> positions;    // grid
+  std::vector<uint32_t> vertices;      // the input's numbering
+  std::vector<Vec3i> positions;        // grid
+  std::vector<TextureCorner> corners;  // of the vertices, when the object is textured
   std::vector<std::array<uint32_t, 3>> triangles;
   std::vector<float> errors;
   std::vector<HeldVertex> held;  // in no order that has a meaning

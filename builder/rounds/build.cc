@@ -18,6 +18,7 @@
 #include "builder/tiles/tiling_choice.h"
 #include "builder/write/journal.h"
 #include "builder/write/root_writer.h"
+#include "builder/write/texture_pages.h"
 #include "store/base/out_of_memory.h"
 
 namespace mtdb {
@@ -50,9 +51,8 @@ Result<RoundsResult> RunRounds(const RoundTools& tools, IntakeResult intake) {
   ObjectRecord& record = result.record;
   std::unique_ptr<TriangleSorter>& triangles = result.triangles;
   SurfaceWindow surfaces(IsTerrain(tools.build.options));
-  TilingChoice tiling(
-      options.tile_triangles *
-      TileCutter::WindowTiles(options.tile_triangles, record.attributes.row_bytes()));
+  TilingChoice tiling(options.tile_triangles *
+                      TileCutter::WindowTiles(options.tile_triangles, tools.setting.row_bytes()));
   double done = kReadShare + kJoinShare;
   for (uint32_t round = 1; round <= kMaxRounds; ++round) {
     const uint64_t before = triangles->count();
@@ -103,8 +103,8 @@ Result<RootTopology> WriteRoot(const RoundTools& tools, TriangleSorter& triangle
   };
   MTDB_RETURN_IF_ERROR(check(count * RootWriter::kTriangleBytes));
   MTDB_RETURN_IF_ERROR(triangles.Finish());
-  RootWriter root(attributes, count, tools.writer);
-  const uint64_t most = RootWriter::PieceTriangles(attributes.row_bytes());
+  RootWriter root(attributes, tools.setting.texture, count, tools.writer);
+  const uint64_t most = RootWriter::PieceTriangles(tools.setting.row_bytes());
   for (uint64_t done = 0; done < count;) {
     const uint64_t size = std::min(most, count - done);
     TriangleBlock piece;
@@ -133,8 +133,15 @@ ObjectUp UpOf(const BuildContext& build, const Grid& grid) {
   return {up * (1 / Length(up)), given};
 }
 
-Result<ObjectRecord> WriteObject(const RoundTools& tools, IntakeResult intake) {
+Result<ObjectRecord> WriteObject(const RoundTools& tools, IntakeResult intake,
+                                 std::vector<std::string>* texture_notes) {
   const BuildContext& build = tools.build;
+  // First: the rounds may take hours, and the images be gone by then.
+  if (intake.record.texture) {
+    MTDB_RETURN_IF_ERROR(
+        AddTexturePages(intake.textures, tools.writer, &*intake.record.texture, texture_notes));
+    intake.textures.clear();
+  }
   MTDB_ASSIGN_OR_RETURN(RoundsResult rounds, RunRounds(tools, std::move(intake)));
   MTDB_ASSIGN_OR_RETURN(const RootTopology root, WriteRoot(tools, *rounds.triangles));
   AddRoot(root, rounds.record);
@@ -146,6 +153,13 @@ Result<ObjectRecord> WriteObject(const RoundTools& tools, IntakeResult intake) {
       });
   build.clock.Count("publish");
   return published;
+}
+
+// Errors are measured in work units.
+std::optional<TileTexture> TextureOf(const ObjectRecord& record) {
+  if (!record.texture) return std::nullopt;
+  const double unit = record.grid.is_linear() ? record.grid.step : 1.0;
+  return TileTexture{record.texture->step, record.texture->scale / unit};
 }
 
 Result<ObjectRecord> Build(const DecimatorFactory& make_decimator, const MeshProducer& input,
@@ -160,11 +174,11 @@ Result<ObjectRecord> Build(const DecimatorFactory& make_decimator, const MeshPro
   }
   std::vector<std::unique_ptr<TileDecimator>> decimators(intake.plan.threads);
   for (auto& decimator : decimators) decimator = make_decimator();
-  const TileSetting setting{intake.record.grid, intake.record.attributes, intake.border,
-                            IsTerrain(options)};
+  const TileSetting setting{intake.record.grid, intake.record.attributes, TextureOf(intake.record),
+                            intake.border, IsTerrain(options)};
   const RoundTools tools{build,      intake.plan, setting,      intake.curves,
                          decimators, writer,      journal.get()};
-  Result<ObjectRecord> published = WriteObject(tools, std::move(intake));
+  Result<ObjectRecord> published = WriteObject(tools, std::move(intake), &report.texture_notes);
   const StatusCode code = published.status().code();
   // The same build would fail again.
   const bool over =

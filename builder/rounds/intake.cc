@@ -60,6 +60,9 @@ class LookingSink final : public MeshSink {
     MTDB_RETURN_IF_ERROR(look_());
     return sink_->AddTriangles(triangles);
   }
+  Status AddCorners(std::span<const TextureCorner> corners) override {
+    return sink_->AddCorners(corners);
+  }
   Status End() override { return sink_->End(); }
   bool joins_soup() const override { return sink_->joins_soup(); }
   uint64_t soup_bytes() const override { return sink_->soup_bytes(); }
@@ -147,8 +150,8 @@ Result<JoinResult> Join(const BuildContext& build, const ReadResult& read, const
   const BuildOptions& options = build.options;
   const MemoryPlan& plan = read.plan;
   JoinResult result;
-  result.triangles = std::make_unique<TriangleSorter>(
-      TriangleSorter::Options{&build.space, plan.spool_bytes / 2, input.row_bytes(), plan.threads});
+  result.triangles = std::make_unique<TriangleSorter>(TriangleSorter::Options{
+      &build.space, plan.spool_bytes / 2, CornerRowBytes(input), plan.threads});
   std::optional<BorderSweep> border;
   if (options.height_field) border.emplace(plan.spool_bytes / 4);
   OrderedPipeline<JoinedBlock> pipeline(plan.threads, [&](unsigned, JoinedBlock& joined) {
@@ -196,6 +199,18 @@ Result<JoinResult> Join(const BuildContext& build, const ReadResult& read, const
   return result;
 }
 
+// A unit of u, v counts as what it is long on the surface, on average.
+TextureRecord TextureOf(const InputMesh& input, const JoinTotals& totals) {
+  TextureRecord texture;
+  texture.step = input.header().texture_step;
+  texture.rounding = input.corners().rounding();
+  if (totals.texture_lengths > 0) texture.scale = totals.lengths / totals.texture_lengths;
+  for (const Texture& page : input.header().textures) {
+    texture.pages.push_back({page.name, page.media_type, page.width, page.height, 0, 0});
+  }
+  return texture;
+}
+
 ObjectRecord RecordOf(const BuildOptions& options, const ReadResult& read, const InputMesh& input,
                       const JoinResult& joined) {
   const JoinTotals& totals = joined.totals;
@@ -217,7 +232,12 @@ ObjectRecord RecordOf(const BuildOptions& options, const ReadResult& read, const
   record.input.inconsistent_edges = totals.inconsistent_edges;
   record.input.unorientable_sheets = read.survey.sheets.unorientable_sheets;
   if (options.orient) record.input.turned_triangles = read.survey.sheets.turned_triangles;
+  if (input.textured()) record.texture = TextureOf(input, totals);
   record.rounding_error = totals.rounding_error + input.rounding();
+  if (record.texture) {
+    record.rounding_error =
+        std::max(record.rounding_error, record.texture->rounding * record.texture->scale);
+  }
   // A vertex that moved aside changes heights by as much as the surface is steep.
   if (options.height_field) record.rounding_error *= std::hypot(1, read.steepest);
   if (options.terrain) {
@@ -275,6 +295,8 @@ uint64_t HashOf(const BuildOptions& options) {
     w.Put(options.step ? *options.step : static_cast<double>(options.bits.value_or(0)));
   }
   w.Put(options.normal_bits.value_or(0));
+  w.Put(options.texture_step.value_or(-1));
+  w.Put(static_cast<uint8_t>(options.drop_texture));
   std::vector<AttributeStep> steps = options.attribute_steps;
   std::ranges::sort(steps, {}, &AttributeStep::name);
   for (const AttributeStep& step : steps) {
@@ -307,6 +329,7 @@ JournalKey JournalKeyOf(const BuildOptions& options, const ObjectRecord& record,
     w.Put(a.step);
     w.Put(a.normal_bits);
   }
+  if (record.texture) w.Put(record.texture->step);
   return {HashOf(options), Hash64(w.bytes())};
 }
 
@@ -333,7 +356,8 @@ Result<IntakeResult> TakeIn(const MeshProducer& produce, const BuildContext& bui
                       curve,
                       *std::move(joined.level),
                       std::move(joined.triangles),
-                      key};
+                      key,
+                      input.header().textures};
 }
 
 }  // namespace mtdb::internal

@@ -4,6 +4,7 @@
 
 #include <memory>
 #include <optional>
+#include <vector>
 
 #include "builder/build_options.h"
 #include "builder/decimate/decimator.h"
@@ -16,6 +17,7 @@
 #include "builder/tiles/tiling.h"
 #include "builder/write/journal.h"
 #include "store/base/status.h"
+#include "store/base/texture.h"
 #include "store/object_record.h"
 
 namespace mtdb::internal {
@@ -30,6 +32,7 @@ struct IntakeResult {
   RoundLevel level;                   // likewise
   std::unique_ptr<TriangleSorter> triangles;
   JournalKey journal_key;
+  std::vector<Texture> textures;  // the input's
 };
 
 // Reads the mesh, chooses its grid, classifies its edges and vertices, and sorts its triangles.

@@ -26,7 +26,7 @@ struct Tile {
 std::unique_ptr<TriangleSorter> MakeSorter(const RoundTools& tools) {
   return std::make_unique<TriangleSorter>(
       TriangleSorter::Options{&tools.build.space, tools.plan.spool_bytes / 8 * 3,
-                              tools.setting.attributes.row_bytes(), tools.plan.threads});
+                              tools.setting.row_bytes(), tools.plan.threads});
 }
 
 // The next tile, as the journal or the cutter has it. `alone`: it is the round's only one.
@@ -98,7 +98,7 @@ Result<RoundResult> RunRound(const RoundTools& tools, const RoundInput& input) {
       input.round, &build.space, tools.plan.spool_bytes / (4 * SurfaceWindow::kMostRounds));
   TileCutter cutter(
       input.triangles, input.curve, tools.curves.grid,
-      {tiles, input.round, size, tools.setting.attributes.row_bytes(), IsTerrain(build.options)});
+      {tiles, input.round, size, tools.setting.row_bytes(), IsTerrain(build.options)});
   OrderedPipeline<Tile> pipeline(tools.plan.threads, [&](unsigned worker, Tile& tile) {
     if (!tile.replayed) tile.status = Work(input.surfaces, *tools.decimators[worker], tile);
     tile.codes = input.next_curve.Codes(tile.outcome.cluster.left.triangles, tools.curves.grid);

@@ -22,8 +22,14 @@ namespace mtdb::internal {
 struct TileSetting {
   Grid grid;
   AttributeLayout attributes;
-  std::optional<BorderPlane> border;  // none: borders keep their shape
+  std::optional<TileTexture> texture;  // none: without
+  std::optional<BorderPlane> border;   // none: borders keep their shape
   bool is_height_field = false;
+
+  // Of a triangle's corner: a vertex's row and, of a textured object, a TextureCorner.
+  size_t row_bytes() const {
+    return attributes.row_bytes() + (texture ? sizeof(TextureCorner) : 0);
+  }
 };
 
 // Numbers and bytes only: the outcome depends on them and on the kind of the decimator, so that the

@@ -2,10 +2,15 @@
 #include "builder/surface/corner_join.h"
 
 #include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstring>
+#include <span>
 #include <utility>
 
 #include "builder/disk/packed_numbers.h"
 #include "builder/disk/parallel.h"
+#include "builder/surface/corner_keys.h"
 #include "builder/surface/orient_sheets.h"
 #include "builder/surface/sheet_orientation.h"
 
@@ -24,9 +29,11 @@ constexpr uint16_t kDropped = 32;   // the triangle repeats an earlier one, or i
 constexpr uint16_t kTwoSided = 64;  // a later one is its opposite
 constexpr uint16_t kFans = 128;     // v has a number for each fan; this one's in four bits above
 constexpr int kFanShift = 8;
-constexpr uint16_t kMoreFans = 1 << 12;  // it is not the last one
+constexpr uint16_t kMoreFans = 1 << 12;   // it is not the last one
+constexpr uint16_t kOwnNumber = 1 << 13;  // the fan has a number as if it were a vertex
 // Memory that a range takes per corner: the corner, its place in the vertex's list, its answer.
 constexpr size_t kCornerMemory = sizeof(Corner) + sizeof(uint32_t) + sizeof(uint16_t);
+constexpr size_t kTexturedMemory = sizeof(CornerKeys) + sizeof(uint32_t);
 // And per vertex, beside its row: position, displacement, list, first number of its fans.
 constexpr size_t kVertexMemory = sizeof(Vec3i) + sizeof(double) + 2 * sizeof(uint32_t);
 
@@ -36,34 +43,50 @@ class Questions {
  public:
   Questions(const SpoolSpace* space, size_t memory_bytes) : spool_(space, memory_bytes) {}
 
-  Status Ask(const Corner& corner, bool whole) {
-    std::byte bytes[3 * kMaxVarintBytes];
+  // `keys`: none, or those of the edges (v, a), (a, b), (b, v), and of the triangle.
+  using Keys = TriangleKeys;
+  Status Ask(const Corner& corner, bool whole, const Keys* keys) {
+    std::byte bytes[kMostBytes];
     std::byte* to =
         PutVarint(bytes, ZigZag(int64_t{corner.vertex} - int64_t{last_}) << 1 | uint64_t{whole});
     to = PutNear(PutNear(to, corner.a, corner.vertex), corner.b, corner.vertex);
     last_ = corner.vertex;
     count_ += whole ? 3 : 1;
+    if (keys != nullptr) {
+      std::memcpy(to, keys, sizeof(*keys));
+      to += sizeof(*keys);
+    }
     return spool_.Append(bytes, static_cast<size_t>(to - bytes));
   }
   Status Finish() { return spool_.Finish(); }
   uint64_t count() const { return count_; }
 
-  // All of them; gives their room back.
-  Status Take(std::vector<Corner>* corners) {
+  // All of them; gives their room back. `keys`: filled likewise, or null.
+  Status Take(std::vector<Corner>* corners, std::vector<CornerKeys>* keys) {
     SpoolReader reader = SpoolReader::Consuming(&spool_);
     uint32_t last = 0;
     for (size_t i = 0; i < corners->size();) {
-      const std::byte* const bytes = reader.Peek(3 * kMaxVarintBytes);
+      const std::byte* const bytes = reader.Peek(kMostBytes);
       if (bytes == nullptr) return reader.status();
       uint64_t head = 0;
       Corner corner{};
       const std::byte* from = GetVarint(bytes, &head);
       corner.vertex = last = static_cast<uint32_t>(int64_t{last} + UnZigZag(head >> 1));
       from = GetNear(GetNear(from, &corner.a, last), &corner.b, last);
+      Keys k{};
+      if (keys != nullptr) {
+        std::memcpy(&k, from, sizeof(k));
+        from += sizeof(k);
+        (*keys)[i] = {k[0], k[2], k[3]};
+      }
       reader.Skip(static_cast<size_t>(from - bytes));
       (*corners)[i++] = corner;
       if (!(head & 1)) continue;
       MTDB_CHECK(i + 2 <= corners->size(), "questions that nobody asked");
+      if (keys != nullptr) {
+        (*keys)[i] = {k[1], k[0], k[3]};
+        (*keys)[i + 1] = {k[2], k[1], k[3]};
+      }
       (*corners)[i++] = {corner.a, corner.b, corner.vertex};
       (*corners)[i++] = {corner.b, corner.vertex, corner.a};
     }
@@ -72,6 +95,7 @@ class Questions {
   }
 
  private:
+  static constexpr size_t kMostBytes = 3 * kMaxVarintBytes + sizeof(Keys);
   Spool spool_;
   uint32_t last_ = 0;
   uint64_t count_ = 0;
@@ -161,14 +185,18 @@ class Link {
     uint64_t border_edges = 0;        // running away from the vertex
     uint64_t nonmanifold_edges = 0;   // to a larger vertex
     uint64_t inconsistent_edges = 0;  // likewise
+    uint64_t seam_edges = 0;          // likewise
     bool stays = false;               // whatever the error
-    uint32_t fans = 0;                // 2 .. kMostOrder, when it has so many
+    bool nonmanifold = false;         // that is not only for seams
+    uint32_t fans = 0;                // when they have numbers
   };
-  // `places` index `corners` in the input's order; sets their `flags`.
+  // `places` index `corners` in the input's order, and `keys` of textured meshes (else null); sets
+  // their `flags`, and of fans with numbers as vertices `own_numbers`, which are counted from 0.
   // Appends to `turns` what it finds about two-sided triangles.
-  Counts Analyse(std::span<const uint32_t> places, const Corner* corners, uint16_t* flags,
-                 std::vector<SheetTurn>& turns) {
+  Counts Analyse(std::span<const uint32_t> places, const Corner* corners, const CornerKeys* keys,
+                 uint16_t* flags, uint32_t* own_numbers, std::vector<SheetTurn>& turns) {
     Counts counts;
+    keys_ = keys;
     edges_.clear();
     for (const uint32_t i : places) edges_.push_back({corners[i].a, corners[i].b, i});
     const uint32_t v = corners[places[0]].vertex;
@@ -183,23 +211,33 @@ class Link {
     JoinOpposites(v, flags, counts);
     CountUses();
     if (!two_sided_.empty()) FindTurns(v, turns);
+    if (keys_ != nullptr) FindSeams();
     bool known = true;  // the orders of all edges
     uint32_t creases = 0;
     for (const Neighbour& n : neighbours_) {
+      counts.seam_edges += n.seam && v < n.vertex;
       counts.edges += v < n.vertex;
       counts.border_edges += n.uses() == 1 && n.out == 1;
       creases += n.order() != 0;
       known &= n.order() <= kMostOrder;
-      counts.nonmanifold_edges += n.order() > 1 && v < n.vertex;
+      counts.nonmanifold |= n.order() > 1 && !n.seam;
+      counts.nonmanifold_edges += n.order() > 1 && !n.seam && v < n.vertex;
       counts.inconsistent_edges += n.disagree() && v < n.vertex;
     }
     counts.stays = !FindFans(creases) || !known;
-    if (fans_ > 1 && fans_ <= kMostOrder) counts.fans = fans_;
+    const bool few = fans_ <= kMostOrder;
+    if (fans_ > 1 && (few || keys_ != nullptr)) counts.fans = fans_;
+    const bool any_seam = std::ranges::any_of(neighbours_, &Neighbour::seam);
+    counts.nonmanifold = counts.stays && (counts.nonmanifold || !any_seam);
     for (const Edge& e : edges_) {
       uint32_t answer = std::min(At(e.a).order(), kMostOrder);
       if (counts.stays) answer |= kFixed;
-      if (counts.fans > 0) answer |= kFans | e.fan << kFanShift;
-      if (e.fan + 1 < counts.fans) answer |= kMoreFans;
+      if (counts.fans > 0 && few) answer |= kFans | e.fan << kFanShift;
+      if (!few || e.fan + 1 < counts.fans) answer |= kMoreFans;
+      if (counts.fans > 0 && !few) {
+        answer |= kOwnNumber;
+        own_numbers[e.place] = e.fan;
+      }
       flags[e.place] = static_cast<uint16_t>(flags[e.place] | answer);
     }
     return counts;
@@ -214,11 +252,13 @@ class Link {
   struct Neighbour {
     uint32_t vertex;
     uint32_t out = 0, in = 0, two_sided = 0;  // link edges of either kind
+    bool seam = false, seen = false;
+    uint64_t key = 0;  // of the edge to it, on one side
     uint32_t uses() const { return out + in + two_sided; }
     bool inside_two_sided() const { return two_sided == 2 && uses() == 2; }
     bool inside() const { return out == 1 && in == 1 && uses() == 2; }
     bool disagree() const { return (out == 2 || in == 2) && uses() == 2; }
-    uint32_t order() const { return inside() || inside_two_sided() ? 0 : uses(); }
+    uint32_t order() const { return (inside() || inside_two_sided()) && !seam ? 0 : uses(); }
   };
   // True when the edges, in any order, are one cycle: most vertices. A walk that returns to its
   // first edge after as many steps as there are edges has met each once, and no two begin alike.
@@ -228,8 +268,10 @@ class Link {
     size_t at = 0;
     for (size_t step = 1;; ++step) {
       const uint32_t next = edges_[at].b;
+      const size_t before = at;
       for (at = 0; at < edges_.size() && edges_[at].a != next;) ++at;
       if (at == edges_.size()) return false;
+      if (keys_ != nullptr && KeysAt(edges_[before]).at_b != KeysAt(edges_[at]).at_a) return false;
       if (at == 0) return step == edges_.size();
       if (step == edges_.size()) return false;
     }
@@ -256,7 +298,8 @@ class Link {
       const auto reverse =
           std::lower_bound(edges_.begin(), edges_.end(), std::pair(e.b, e.a),
                            [](const Edge& x, const auto& y) { return std::pair(x.a, x.b) < y; });
-      e.two_sided = reverse != edges_.end() && reverse->a == e.b && reverse->b == e.a;
+      e.two_sided = reverse != edges_.end() && reverse->a == e.b && reverse->b == e.a &&
+                    (keys_ == nullptr || KeysAt(e).triangle == KeysAt(*reverse).triangle);
       if (e.two_sided) flags[e.place] |= reverse->place < e.place ? kDropped : kTwoSided;
     }
     for (const Edge& e : edges_) {
@@ -289,6 +332,21 @@ class Link {
       neighbours_.push_back(n);
     }
   }
+  const CornerKeys& KeysAt(const Edge& e) const { return keys_[e.place]; }
+  // Of edges of two triangles.
+  void FindSeams() {
+    const auto see = [&](uint32_t vertex, uint64_t key) {
+      Neighbour& n = At(vertex);
+      if (!n.inside() && !n.inside_two_sided()) return;
+      n.seam |= n.seen && n.key != key;
+      n.seen = true;
+      n.key = key;
+    };
+    for (const Edge& e : edges_) {
+      see(e.a, KeysAt(e).at_a);
+      see(e.b, KeysAt(e).at_b);
+    }
+  }
   // The places in edges_ of two-sided ones that begin or end there.
   std::span<const std::pair<uint32_t, uint32_t>> TwoSidedAt(uint32_t vertex) const {
     const auto first = std::pair(vertex, 0u), next = std::pair(vertex + 1, 0u);
@@ -306,7 +364,7 @@ class Link {
                        (e.a == n.vertex) == (f.a == n.vertex)});
     }
   }
-  const Neighbour& At(uint32_t vertex) const {
+  Neighbour& At(uint32_t vertex) {
     return *std::lower_bound(neighbours_.begin(), neighbours_.end(), vertex,
                              [](const Neighbour& n, uint32_t x) { return n.vertex < x; });
   }
@@ -354,7 +412,7 @@ class Link {
     }
     // Of a chain, each fan runs from one crease to the other.
     chain &= creases == 0 ? fans_ == 1 : fans_ == open && fans_ <= kMostOrder;
-    if (fans_ > 1 && fans_ <= kMostOrder) SortFans();
+    if (fans_ > 1 && (fans_ <= kMostOrder || keys_ != nullptr)) SortFans();
     return chain;
   }
   // Of equal ones the first in the input's order comes first.
@@ -367,9 +425,9 @@ class Link {
       fan.number = e.fan;
     }
     std::sort(sorted_fans_.begin(), sorted_fans_.end());
-    std::array<uint32_t, kMostOrder> ranks{};
-    for (uint32_t i = 0; i < fans_; ++i) ranks[sorted_fans_[i].number] = i;
-    for (Edge& e : edges_) e.fan = ranks[e.fan];
+    ranks_.resize(fans_);
+    for (uint32_t i = 0; i < fans_; ++i) ranks_[sorted_fans_[i].number] = i;
+    for (Edge& e : edges_) e.fan = ranks_[e.fan];
   }
 
   enum class End : uint8_t { kIn, kOut, kOfTwoSided };
@@ -385,6 +443,8 @@ class Link {
     friend auto operator<=>(const SortedFan&, const SortedFan&) = default;
   };
   std::vector<SortedFan> sorted_fans_;
+  std::vector<uint32_t> ranks_;
+  const CornerKeys* keys_ = nullptr;
 };
 
 class Join {
@@ -398,7 +458,8 @@ class Join {
     const uint64_t vertices = input.vertices();
     const uint64_t triangles = input.triangles();
     const uint64_t need =
-        3 * triangles * kCornerMemory + vertices * (kVertexMemory + input.row_bytes());
+        3 * triangles * (kCornerMemory + (input.textured() ? kTexturedMemory : 0)) +
+        vertices * (kVertexMemory + input.row_bytes());
     // A range is a power of two, and small enough that its tables stay near the processor.
     const unsigned threads = std::max(1u, options.threads);
     const uint64_t room = std::max<uint64_t>(options.table_bytes, 1);
@@ -445,6 +506,7 @@ class Join {
       totals_.boundary_edges += part.boundary_edges;
       totals_.nonmanifold_edges += part.nonmanifold_edges;
       totals_.inconsistent_edges += part.inconsistent_edges;
+      totals_.seam_edges += part.seam_edges;
       totals_.nonmanifold_vertices += part.nonmanifold_vertices;
       totals_.rounding_error = std::max(totals_.rounding_error, part.rounding_error);
     }
@@ -465,7 +527,7 @@ class Join {
   size_t block_triangles() const {
     constexpr size_t kBlockTriangles = 8192;
     constexpr size_t kRowBytes = size_t{2} << 20;
-    return std::clamp<size_t>(kRowBytes / (3 * input_.row_bytes() + 1), 1, kBlockTriangles);
+    return std::clamp<size_t>(kRowBytes / (3 * CornerRowBytes(input_) + 1), 1, kBlockTriangles);
   }
   // What a thread keeps from range to range.
   struct Worker {
@@ -475,6 +537,8 @@ class Join {
     std::vector<double> displaced;
     Bytes rows;
     std::vector<Corner> corners;
+    std::vector<CornerKeys> keys;       // of textured meshes
+    std::vector<uint32_t> own_numbers;  // likewise: of fans that have them
     std::vector<uint32_t> begin, places;
     std::vector<uint16_t> flags;
     std::vector<SheetTurn> turns;
@@ -483,14 +547,21 @@ class Join {
   };
   Status Ask() {
     SpoolReader reader(&input_.triangle_spool());
+    SpoolReader corner_reader(&input_.corners().spool());
+    TriangleCorners corners;
     for (uint64_t t = 0; t < input_.triangles(); ++t) {
       std::array<uint32_t, 3> v;
       if (!reader.Get(&v)) return reader.status();
+      if (input_.textured() && !corner_reader.Get(&corners)) return corner_reader.status();
+      input_.corners().Round(corners);
+      const TriangleKeys keys = input_.textured() ? KeysOf(v, corners) : TriangleKeys{};
       const uint32_t range = v[0] >> range_bits_;
       const bool whole = range == v[1] >> range_bits_ && range == v[2] >> range_bits_;
       for (size_t c = 0; c < (whole ? 1 : 3); ++c) {
+        const TriangleKeys from_here{keys[c], keys[(c + 1) % 3], keys[(c + 2) % 3], keys[3]};
         MTDB_RETURN_IF_ERROR(
-            questions_[v[c] >> range_bits_].Ask({v[c], v[(c + 1) % 3], v[(c + 2) % 3]}, whole));
+            questions_[v[c] >> range_bits_].Ask({v[c], v[(c + 1) % 3], v[(c + 2) % 3]}, whole,
+                                                input_.textured() ? &from_here : nullptr));
       }
     }
     for (Questions& q : questions_) MTDB_RETURN_IF_ERROR(q.Finish());
@@ -511,16 +582,20 @@ class Join {
       w.totals.rounding_error = std::max(w.totals.rounding_error, w.displaced[v]);
       const Link::Counts counts =
           w.link.Analyse(std::span(w.places).subspan(w.begin[v], w.begin[v + 1] - w.begin[v]),
-                         w.corners.data(), w.flags.data(), w.turns);
+                         w.corners.data(), input_.textured() ? w.keys.data() : nullptr,
+                         w.flags.data(), w.own_numbers.data(), w.turns);
       w.totals.two_sided_triangles += counts.two_sided;
       w.totals.duplicate_triangles += counts.duplicates;
       w.totals.edges += counts.edges;
       w.totals.boundary_edges += counts.border_edges;
       w.totals.nonmanifold_edges += counts.nonmanifold_edges;
       w.totals.inconsistent_edges += counts.inconsistent_edges;
-      w.totals.nonmanifold_vertices += counts.stays;
+      w.totals.seam_edges += counts.seam_edges;
+      w.totals.nonmanifold_vertices += counts.nonmanifold;
       w.numbers[v] = w.fans;
       w.fans += counts.fans;
+      // Each such fan is a vertex.
+      if (counts.fans > kMostOrder) w.totals.vertices += counts.fans - 1;
     }
     orientation_.Add(w.turns);
     w.turns.clear();
@@ -559,7 +634,11 @@ class Join {
     }
     const auto n = static_cast<uint32_t>(count);
     w.corners.resize(n);
-    MTDB_RETURN_IF_ERROR(questions_[r].Take(&w.corners));
+    if (input_.textured()) {
+      w.keys.resize(n);
+      w.own_numbers.assign(n, 0);
+    }
+    MTDB_RETURN_IF_ERROR(questions_[r].Take(&w.corners, input_.textured() ? &w.keys : nullptr));
     // Counted, summed up, filled from the back.
     const size_t vertices = w.positions.size();
     w.begin.assign(vertices + 1, 0);
@@ -577,8 +656,9 @@ class Join {
     Bytes answer(packing.max_bytes());
     for (size_t i = 0; i < w.corners.size(); ++i) {
       const uint64_t v = w.corners[i].vertex - first;
+      const uint32_t own = (w.flags[i] & kOwnNumber) ? w.own_numbers[i] : 0;
       const size_t size = packing.Put(w.corners[i].vertex, w.positions[v], w.rows.data() + v * row,
-                                      w.flags[i], w.numbers[v], answer.data());
+                                      w.flags[i], w.numbers[v] + own, answer.data());
       MTDB_RETURN_IF_ERROR(answers_[r].Append(answer.data(), size));
     }
     return answers_[r].Finish();
@@ -596,9 +676,12 @@ class Join {
 
   Status Collect(const BlockReceiver& receive) {
     SpoolReader reader = input_.TakeTriangles();
+    SpoolReader corner_reader(&input_.corners().spool());
+    TriangleCorners corners;
     const size_t block =
         std::clamp<size_t>(options_.memory_bytes / 8 / answers_.size(), 4096, Spool::kBlock);
     const size_t row = input_.row_bytes();
+    const size_t corner_row = CornerRowBytes(input_);
     std::vector<SpoolReader> answers;
     for (Spool& a : answers_) answers.push_back(SpoolReader::Consuming(&a, block));
     std::vector<AnswerPacking> packings(answers_.size(), AnswerPacking(row));
@@ -608,9 +691,11 @@ class Join {
     for (uint64_t t = 0; t < input_.triangles(); ++t) {
       std::array<uint32_t, 3> vertices;
       if (!reader.Get(&vertices)) return reader.status();
+      if (input_.textured() && !corner_reader.Get(&corners)) return corner_reader.status();
+      input_.corners().Round(corners);
       if (out.triangles.empty()) {
         out.triangles.reserve(block_size);
-        out.rows.reserve(3 * row * block_size);
+        out.rows.reserve(3 * corner_row * block_size);
       }
       TileTriangle& triangle = out.triangles.emplace_back();
       triangle.vertices = vertices;
@@ -623,32 +708,47 @@ class Join {
         const std::byte* const end = packings[range].Get(vertices[c], bytes, &answer);
         answers[range].Skip(static_cast<size_t>(end - bytes));
         all |= answer.flags;
-        triangle.positions[c] = answer.position;
-        triangle.set_order(c, answer.flags & kOrderMask);
-        triangle.set_fixed(c, (answer.flags & kFixed) != 0);
-        if (answer.flags & kFans) {
-          const uint32_t fan = answer.flags >> kFanShift & kMostOrder;
-          triangle.vertices[c] = static_cast<uint32_t>(first_fans_[range] + answer.number + fan);
-          triangle.set_fan(c, fan);
-          triangle.set_more_fans(c, (answer.flags & kMoreFans) != 0);
-        }
+        SetCorner(answer, first_fans_[range], c, triangle);
         out.rows.insert(out.rows.end(), answer.row, answer.row + row);
+        if (!input_.textured()) continue;
+        const ByteSpan corner = std::as_bytes(std::span(corners).subspan(c, 1));
+        out.rows.insert(out.rows.end(), corner.begin(), corner.end());
       }
       if (all & kDropped) {
         out.triangles.pop_back();
-        out.rows.resize(out.rows.size() - 3 * row);
+        out.rows.resize(out.rows.size() - 3 * corner_row);
         continue;
       }
       if (all & kTwoSided) {
         triangle.set_two_sided(true);
-        if (orientation_.Turned(vertices)) TurnOver(triangle, std::span(out.rows).last(3 * row));
+        if (orientation_.Turned(vertices))
+          TurnOver(triangle, std::span(out.rows).last(3 * corner_row));
+      }
+      if (input_.textured()) {
+        AddLengths(triangle.positions, grid_, corners, input_.corners().step(), &totals_.lengths,
+                   &totals_.texture_lengths);
       }
       totals_.triangles += triangle.sides();
-      if (out.triangles.size() == block_size) {
-        MTDB_RETURN_IF_ERROR(receive(std::exchange(out, TriangleBlock{})));
-      }
+      if (out.triangles.size() < block_size) continue;
+      MTDB_RETURN_IF_ERROR(receive(std::exchange(out, TriangleBlock{})));
     }
     return out.triangles.empty() ? Status::Ok() : receive(std::move(out));
+  }
+
+  // `first_fan`: the number of the first fan of the vertex's range.
+  static void SetCorner(const AnswerPacking::Answer& answer, uint64_t first_fan, uint32_t c,
+                        TileTriangle& triangle) {
+    triangle.positions[c] = answer.position;
+    triangle.set_order(c, answer.flags & kOrderMask);
+    triangle.set_fixed(c, (answer.flags & kFixed) != 0);
+    triangle.set_more_fans(c, (answer.flags & kMoreFans) != 0);
+    if (answer.flags & kFans) {
+      const uint32_t fan = answer.flags >> kFanShift & kMostOrder;
+      triangle.vertices[c] = static_cast<uint32_t>(first_fan + answer.number + fan);
+      triangle.set_fan(c, fan);
+    } else if (answer.flags & kOwnNumber) {
+      triangle.vertices[c] = static_cast<uint32_t>(first_fan + answer.number);
+    }
   }
 
   // Exchanges the last two corners; `rows`: of the corners.

@@ -26,7 +26,11 @@ struct JoinTotals {
   uint64_t inconsistent_edges = 0;  // of them: of two triangles that run in the same direction
   SheetReport sheets;               // when there are such, unless they are known
   uint64_t nonmanifold_vertices = 0;
+  uint64_t seam_edges = 0;    // of two opposed triangles whose texture coordinates differ there
   double rounding_error = 0;  // see ObjectRecord
+  // Sums over edges, in space (model units) and in the image, of kept triangles of some extent in
+  // the image.
+  double lengths = 0, texture_lengths = 0;
 };
 
 struct JoinOptions {
@@ -49,6 +53,9 @@ struct JoinOptions {
 // - a path of link edges between creases is a fan. A vertex with two creases that all its fans join
 //   is on a chain; it stays when it has other creases, or several fans. Fans are numbered, those of
 //   many triangles first, when a vertex has 2 .. kMostOrder;
+// - of textured meshes, an edge at whose ends the corners of its two triangles differ is a seam, a
+//   crease of order 2. Then fans beyond kMostOrder have numbers, too, as if they were vertices, so
+//   that a number has one corner. Triangles are opposite only when their corners are equal;
 // - a link edge that repeats is a duplicate triangle: the first in the input's order stays.
 // The last pass over the triangles meets the answers in the order of the questions. It turns
 // two-sided triangles over that do not run as their neighbours do (sheet_orientation.h).
@@ -59,8 +66,8 @@ struct JoinOptions {
 // Errors: kBudgetExceeded (a range's tables are larger than `table_bytes`), and those of Spool.
 //
 // Passes the kept triangles to `receive` in blocks, in the input's order; vertices, positions,
-// edges and fans are set. All totals but the number of kept triangles are there before the first
-// block.
+// edges and fans are set. A row is that of the corner's vertex and, of textured meshes, the corner.
+// All totals but the number of kept triangles are there before the first block.
 using BlockReceiver = std::function<Status(TriangleBlock)>;
 Status JoinCorners(InputMesh& input, const Grid& grid, const JoinOptions& options,
                    JoinTotals* totals, const BlockReceiver& receive);

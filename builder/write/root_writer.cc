@@ -21,9 +21,19 @@ uint32_t RootNumbers::Add(uint32_t vertex) {
 }
 
 uint64_t RootWriter::memory_bytes() const {
-  const uint64_t more = 3 * PieceTriangles(attributes_.row_bytes());
+  const uint64_t more = 3 * PieceTriangles(row_bytes());
   return numbers_.bytes_with(more) + edges_.capacity() * sizeof(edges_[0]) +
          on_border_.capacity() / 8 + joined_.bytes_with(more);
+}
+
+// Of a triangle.
+void RootWriter::AddCorners(const Bytes& rows, size_t triangle,
+                            std::vector<TextureCorner>& corners) const {
+  for (size_t c = 0; c < 3; ++c) {
+    std::memcpy(&corners.emplace_back(),
+                rows.data() + (3 * triangle + c + 1) * row_bytes() - sizeof(TextureCorner),
+                sizeof(TextureCorner));
+  }
 }
 
 Status RootWriter::AddPiece(const std::vector<TileTriangle>& triangles, const Bytes& rows) {
@@ -51,12 +61,13 @@ Status RootWriter::AddPiece(const std::vector<TileTriangle>& triangles, const By
       if (inserted) {
         piece.in.positions.push_back(t.positions[c]);
         piece.in.vertices.push_back(root[c]);
-        const auto at = rows.begin() + static_cast<std::ptrdiff_t>((3 * i + c) * row);
+        const auto at = rows.begin() + static_cast<std::ptrdiff_t>((3 * i + c) * row_bytes());
         piece.in.rows.insert(piece.in.rows.end(), at, at + static_cast<std::ptrdiff_t>(row));
         entry.bounds.Add(t.positions[c]);
       }
       corners[c] = it->second;
     }
+    if (texture_) AddCorners(rows, i, piece.in.corners);
     for (size_t c = 0; c < 3; ++c) {
       const uint32_t a = root[c];
       const uint32_t b = root[(c + 1) % 3];

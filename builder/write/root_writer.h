@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <optional>
 #include <utility>
 #include <vector>
 
@@ -60,9 +61,10 @@ class RootWriter {
                                                : std::max<size_t>(kRowsBytes / (3 * row_bytes), 1);
   }
 
-  // Of so many triangles.
-  RootWriter(const AttributeLayout& attributes, uint64_t triangles, ObjectWriter& writer)
-      : attributes_(attributes), writer_(writer) {
+  // Of so many triangles. `texture`: none without.
+  RootWriter(const AttributeLayout& attributes, const std::optional<TileTexture>& texture,
+             uint64_t triangles, ObjectWriter& writer)
+      : attributes_(attributes), texture_(texture), writer_(writer) {
     edges_.reserve(3 * triangles);
     on_border_.reserve(3 * triangles);
   }
@@ -73,7 +75,13 @@ class RootWriter {
   uint64_t memory_bytes() const;
 
  private:
+  void AddCorners(const Bytes& rows, size_t triangle, std::vector<TextureCorner>& corners) const;
+  size_t row_bytes() const {
+    return attributes_.row_bytes() + (texture_ ? sizeof(TextureCorner) : 0);
+  }
+
   const AttributeLayout& attributes_;
+  const std::optional<TileTexture> texture_;
   ObjectWriter& writer_;
   RootNumbers numbers_;
   std::vector<std::pair<uint32_t, uint32_t>> edges_;  // of root vertices, smaller first

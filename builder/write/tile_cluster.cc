@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <cstring>
+#include <optional>
 #include <span>
 #include <utility>
 #include <vector>
@@ -12,20 +14,43 @@ namespace mtdb::internal {
 
 namespace {
 
-void AppendRow(const TriangleBlock& input, size_t row, uint64_t corner, Bytes& to) {
-  const auto begin = input.rows.begin() + static_cast<std::ptrdiff_t>(corner * row);
-  to.insert(to.end(), begin, begin + static_cast<std::ptrdiff_t>(row));
+// How rows of corners are made up.
+struct RowParts {
+  size_t vertex = 0;  // bytes of the vertex's row
+  std::optional<TileTexture> texture;
+  size_t whole() const { return vertex + (texture ? sizeof(TextureCorner) : 0); }
+};
+
+// The first `size` bytes of a corner's row, of `whole` bytes.
+void AppendRow(const Bytes& rows, size_t whole, size_t size, uint64_t corner, Bytes& to) {
+  const auto begin = rows.begin() + static_cast<std::ptrdiff_t>(corner * whole);
+  to.insert(to.end(), begin, begin + static_cast<std::ptrdiff_t>(size));
 }
 
 // Of TileResult::edge_orders.
 bool IsTwoSided(uint16_t orders) { return (orders & TileTriangle::kTwoSided) != 0; }
 
 // The removals of a tile, read backwards. Leaves nodes and what the tile's own triangles say out.
-ClusterUpdates UpdatesOf(const TriangleBlock& input, const TileResult& result, size_t row) {
+ClusterUpdates UpdatesOf(const TriangleBlock& input, const TileResult& result,
+                         const RowParts& row) {
   ClusterUpdates updates;
   updates.positions = result.positions;
-  updates.rows.reserve(result.vertices.size() * row);
-  for (const uint32_t corner : result.first_corner) AppendRow(input, row, corner, updates.rows);
+  updates.rows.reserve(result.vertices.size() * row.vertex);
+  for (const uint32_t corner : result.first_corner) {
+    AppendRow(input.rows, row.whole(), row.vertex, corner, updates.rows);
+  }
+  if (row.texture) {
+    updates.corner_step = row.texture->step;
+    for (size_t t = 0; t < result.triangles.size(); ++t) {
+      auto& corners = updates.corners.emplace_back();
+      uint32_t seams = 0;
+      for (uint32_t c = 0; c < 3; ++c) {
+        corners[c] = input.texture(result.first_corner[result.triangles[t][c]], row.whole());
+        seams |= ((result.edge_orders[t] >> 4 * c & 15u) == 2 ? 1u : 0u) << c;
+      }
+      updates.seams.push_back(static_cast<uint8_t>(seams));
+    }
+  }
   updates.triangles = result.triangles;
   for (std::array<uint32_t, 3>& corners : updates.triangles) {
     for (uint32_t& v : corners) v = result.first_twins[v];
@@ -53,7 +78,7 @@ uint32_t Find(const Places& places, uint32_t seat) {
 
 // Adds a crumb to `updates`, but for its error. Returns where its vertices and its triggers' are.
 Places AddCrumb(const TriangleBlock& input, const Crumb& crumb, const TileResult& result,
-                size_t row, ClusterUpdates& updates) {
+                const RowParts& row, ClusterUpdates& updates) {
   ClusterUpdates::Crumb& out = updates.crumbs.emplace_back();
   out.triggers = crumb.triggers;
   Places places;
@@ -75,8 +100,7 @@ Places AddCrumb(const TriangleBlock& input, const Crumb& crumb, const TileResult
       places.emplace_back(triangle.seat(c), corners[c]);
       out.vertices.push_back(corners[c]);
       updates.positions.push_back(triangle.positions[c]);
-      const auto begin = crumb.rows.begin() + static_cast<std::ptrdiff_t>((3 * i + c) * row);
-      updates.rows.insert(updates.rows.end(), begin, begin + static_cast<std::ptrdiff_t>(row));
+      AppendRow(crumb.rows, row.whole(), row.vertex, 3 * i + c, updates.rows);
     }
     updates.consumers.push_back({triangle.child, triangle.child_slot, triangle.explicit_arc()});
     if (triangle.two_sided() || !updates.two_sided.empty()) {
@@ -141,7 +165,8 @@ void AddNodes(const TileResult& result, const Grid& grid, ClusterUpdates& update
 
 // Likewise of crumbs. The first that vanished is the finest.
 void AddCrumbs(const TriangleBlock& input, std::span<const Crumb> crumbs, const TileResult& result,
-               const Grid& grid, size_t row, ClusterUpdates& updates, TileCluster& cluster) {
+               const Grid& grid, const RowParts& row, ClusterUpdates& updates,
+               TileCluster& cluster) {
   const double model_units = grid.is_linear() ? grid.step : 1.0;
   const double noise = ArithmeticNoise(result, grid);
   UnitEntry& entry = cluster.entry;
@@ -194,7 +219,7 @@ void LeaveInTriangles(const TriangleBlock& input, const TileResult& result, size
       out.set_fixed(c, result.fixed[v] != 0);
       out.set_fan(c, result.fans[v]);
       out.set_more_fans(c, result.more_fans[v] != 0);
-      AppendRow(input, row, result.first_corner[v], cluster.left.rows);
+      AppendRow(input.rows, row, row, result.first_corner[v], cluster.left.rows);
     }
     out.set_two_sided(IsTwoSided(result.edge_orders[t]));
     out.error = result.errors[t];
@@ -251,7 +276,8 @@ void AddWhatTheyStandFor(const TileResult& result, const EncodedCluster& encoded
 // The surface that the tile was measured against, as far as it lies beneath the cluster's
 // in-triangles, and what of it they stand for.
 TileSurface LeftSurface(const TriangleBlock& input, const TileResult& result,
-                        const EncodedCluster& encoded, const MeasuredAgainst& against) {
+                        const EncodedCluster& encoded, const RowParts& row,
+                        const MeasuredAgainst& against) {
   if (against.round == 0) return {};
   const TileSurface* beneath = against.surface;
   TileSurface surface;
@@ -259,6 +285,12 @@ TileSurface LeftSurface(const TriangleBlock& input, const TileResult& result,
   // By local number, that of the tile's vertices and then of others beneath it.
   std::vector<uint32_t> numbers = result.vertices;
   std::vector<Vec3i> positions = result.positions;
+  std::vector<TextureCorner> corners;
+  if (row.texture) {
+    for (const uint32_t corner : result.first_corner) {
+      corners.push_back(input.texture(corner, row.whole()));
+    }
+  }
   std::vector<uint32_t> local;
   if (beneath != nullptr) {
     local = NumberVertices(*beneath, result.vertices);
@@ -266,6 +298,7 @@ TileSurface LeftSurface(const TriangleBlock& input, const TileResult& result,
       if (local[v] < numbers.size()) continue;
       numbers.push_back(beneath->vertices[v]);
       positions.push_back(beneath->positions[v]);
+      if (row.texture) corners.push_back(beneath->corners[v]);
     }
   }
   std::vector<uint32_t> places(numbers.size(), kNone32);
@@ -274,6 +307,7 @@ TileSurface LeftSurface(const TriangleBlock& input, const TileResult& result,
       places[v] = static_cast<uint32_t>(surface.vertices.size());
       surface.vertices.push_back(numbers[v]);
       surface.positions.push_back(positions[v]);
+      if (row.texture) surface.corners.push_back(corners[v]);
     }
     return places[v];
   };
@@ -305,19 +339,22 @@ TileSurface LeftSurface(const TriangleBlock& input, const TileResult& result,
 
 TileCluster MakeTileCluster(const TriangleBlock& input, std::span<const Crumb> crumbs,
                             const TileResult& result, const Grid& grid,
-                            const AttributeLayout& attributes, const MeasuredAgainst& against) {
+                            const AttributeLayout& attributes,
+                            const std::optional<TileTexture>& texture,
+                            const MeasuredAgainst& against) {
   TileCluster cluster;
   const std::vector<TileTriangle>& tile = input.triangles;
-  const size_t row = attributes.row_bytes();
+  const RowParts parts{attributes.row_bytes(), texture};
+  const size_t row = parts.whole();
   std::vector<uint32_t> heights;
   if (!result.removals.empty() || !crumbs.empty()) {
     cluster.empty = false;
-    ClusterUpdates updates = UpdatesOf(input, result, row);
+    ClusterUpdates updates = UpdatesOf(input, result, parts);
     updates.is_height_field = grid.mode == PositionMode::kRaster;
     heights.reserve(result.triangles.size());
     for (const TileTriangle& t : tile) heights.push_back(t.height);
     AddNodes(result, grid, updates, heights, cluster);
-    AddCrumbs(input, crumbs, result, grid, row, updates, cluster);
+    AddCrumbs(input, crumbs, result, grid, parts, updates, cluster);
     cluster.encoded = EncodeCluster(updates, attributes);
     Bytes().swap(updates.rows);  // a tile's rows are much of what a build keeps in memory
     UnitEntry& entry = cluster.entry;
@@ -328,7 +365,8 @@ TileCluster MakeTileCluster(const TriangleBlock& input, std::span<const Crumb> c
     entry.external_vertices = cluster.encoded.external_vertices;
     entry.explicit_arcs = cluster.encoded.explicit_arcs;
     if (!result.edge_errors.empty()) {
-      cluster.surface = EncodeTileSurface(LeftSurface(input, result, cluster.encoded, against));
+      cluster.surface =
+          EncodeTileSurface(LeftSurface(input, result, cluster.encoded, parts, against));
     }
   }
   std::vector<uint8_t> kept(result.alive.begin(),
@@ -344,7 +382,7 @@ TileCluster MakeTileCluster(const TriangleBlock& input, std::span<const Crumb> c
   for (uint32_t t = 0; t < tile.size(); ++t) {
     if (!kept[t]) continue;
     cluster.left.triangles.push_back(tile[t]);
-    for (uint32_t c = 0; c < 3; ++c) AppendRow(input, row, 3 * t + c, cluster.left.rows);
+    for (uint32_t c = 0; c < 3; ++c) AppendRow(input.rows, row, row, 3 * t + c, cluster.left.rows);
   }
   return cluster;
 }

@@ -2,6 +2,7 @@
 // TileCluster: from a decimated tile to a compressed cluster and the next round's triangles.
 #pragma once
 
+#include <optional>
 #include <span>
 
 #include "builder/disk/tile.h"
@@ -46,6 +47,8 @@ struct MeasuredAgainst {
 // `crumbs`: that vanished from the input before it was simplified, one after the other.
 TileCluster MakeTileCluster(const TriangleBlock& input, std::span<const Crumb> crumbs,
                             const TileResult& result, const Grid& grid,
-                            const AttributeLayout& attributes, const MeasuredAgainst& against);
+                            const AttributeLayout& attributes,
+                            const std::optional<TileTexture>& texture,
+                            const MeasuredAgainst& against);
 
 }  // namespace mtdb::internal

@@ -33,6 +33,7 @@ class SideShower {
     for (ExplicitArc& arc : cluster.explicit_arcs) arc.slot = slots_[arc.slot];
     cluster.in.triangles = std::move(shown_.in.triangles);
     cluster.in.two_sided.clear();
+    if (!cluster.in.corner_places.empty()) ShowPlaces(cluster.in.corner_places);
     cluster.first_own_slot = shown_.first_own_slot;
     cluster.star_begin = std::move(shown_.star_begin);
     cluster.hole_begin = std::move(shown_.hole_begin);
@@ -61,6 +62,17 @@ class SideShower {
       hole += count;
       begin = fan_end;
     }
+  }
+
+  // The other side of a triangle has its last two corners exchanged.
+  void ShowPlaces(std::vector<std::array<uint32_t, 3>>& places) const {
+    std::vector<std::array<uint32_t, 3>> shown(next_);
+    for (uint32_t slot = 0; slot < slots_.size(); ++slot) {
+      const std::array<uint32_t, 3>& t = places[slot];
+      shown[slots_[slot]] = t;
+      if (other_slots_[slot] != kNone32) shown[other_slots_[slot]] = {t[0], t[2], t[1]};
+    }
+    places = std::move(shown);
   }
 
   void ShowListed() {

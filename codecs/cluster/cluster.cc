@@ -166,7 +166,8 @@ size_t Cluster::memory_bytes() const {
          VectorBytes(hole_begin) + VectorBytes(hole_slots) + VectorBytes(removers) +
          VectorBytes(children) + VectorBytes(explicit_arcs) + VectorBytes(vertex_begin) +
          VectorBytes(created_corners) + VectorBytes(fans) + VectorBytes(later_fans) +
-         VectorBytes(in.two_sided);
+         VectorBytes(in.two_sided) + VectorBytes(in.corners) + VectorBytes(in.corner_places) +
+         VectorBytes(in.seams);
 }
 
 }  // namespace mtdb

@@ -15,6 +15,7 @@
 #include "store/base/geometry.h"
 #include "store/base/ids.h"
 #include "store/base/status.h"
+#include "store/base/texture.h"
 
 namespace mtdb {
 
@@ -63,6 +64,14 @@ struct InPatch {
   Bytes rows;                                      // attributes of local vertices
   // Per slot: the triangle is two-sided, and stands for its opposite as well. Empty: none is.
   std::vector<uint8_t> two_sided;
+  // Of textured objects: three per slot, and the step of u and v. Else empty.
+  std::vector<TextureCorner> corners;
+  double corner_step = 0;
+  // Of a decoded cluster: per slot, those that its nodes create among them, the places of its
+  // corners in `corners`; and per listed one bits of edges that are seams although their corners do
+  // not tell.
+  std::vector<std::array<uint32_t, 3>> corner_places;
+  std::vector<uint8_t> seams;
 };
 
 // Puts triangles into their slots and numbers their corners by first occurrence. The members of
@@ -118,7 +127,8 @@ struct NodeShape {
 // mesh is a cluster without nodes: it lists triangles and consumes none.
 struct Cluster {
   // Positions and rows are extended by the nodes' own, and what is two-sided by their triangles:
-  // these are what those of the hole are, fan by fan.
+  // these are what those of the hole are, fan by fan. Corners are extended by one for each fan of a
+  // node, and by three for each triangle of one that brings a crumb.
   InPatch in;
   uint32_t first_own_slot = 0;          // parents create those below: all that are listed, or none
   std::vector<uint8_t> error_codes;     // per node
@@ -171,6 +181,11 @@ struct Cluster {
     const std::span<const uint32_t> r = ring(i);
     const uint32_t j = slot - star_begin[i];
     return {external_vertices() + i, r[j], r[j + 1 == r.size() ? 0 : j + 1]};
+  }
+  // Of textured objects: the corners of the triangle in `slot`.
+  std::array<TextureCorner, 3> texture(uint32_t slot) const {
+    const std::array<uint32_t, 3>& places = in.corner_places[slot];
+    return {in.corners[places[0]], in.corners[places[1]], in.corners[places[2]]};
   }
   size_t memory_bytes() const;
 };

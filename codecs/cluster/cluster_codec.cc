@@ -7,6 +7,7 @@
 
 #include "codecs/cluster/cluster_limits.h"
 #include "codecs/cluster/internal/cluster_payload.h"
+#include "codecs/cluster/internal/corners.h"
 #include "codecs/cluster/internal/crumbs.h"
 #include "codecs/cluster/internal/explicit_arcs.h"
 #include "codecs/cluster/internal/lattice.h"
@@ -43,7 +44,8 @@ class ClusterDecoder {
   ClusterDecoder(const AttributeLayout& attributes, const std::string& where)
       : attribute_coder_(attributes), where_(where) {}
 
-  Result<Cluster> Decode(ByteSpan payload, InPatch in, uint32_t node_limit);
+  // `corners`: decode those of a textured object, too.
+  Result<Cluster> Decode(ByteSpan payload, InPatch in, uint32_t node_limit, bool corners);
 
  private:
   // What is known of a node's vertex before its position.
@@ -56,6 +58,7 @@ class ClusterDecoder {
   };
 
   Status Corrupted(const std::string& what) const { return Corrupt(where_ + ": " + what); }
+  void Open(const StreamReader& streams);
   Status DecodeHead(ByteReader head, uint32_t node_limit, size_t payload_bytes);
   Status DecodeGeneration();
   Status DecodeTopology(uint32_t generation_end);
@@ -457,12 +460,7 @@ Status ClusterDecoder::AddCrumbs(const StreamReader& streams, uint32_t node_limi
   return Status::Ok();
 }
 
-Result<Cluster> ClusterDecoder::Decode(ByteSpan payload, InPatch in, uint32_t node_limit) {
-  MTDB_ASSIGN_OR_RETURN(const StreamReader streams, StreamReader::Open(payload, where_));
-  MTDB_RETURN_IF_ERROR(DecodeHead(streams.stream(StreamTag::kHead), node_limit, payload.size()));
-  const size_t row = attribute_coder_.row_bytes();
-  if (in.rows.size() != in.positions.size() * row) return Corrupted("rows of corners missing");
-  if (flat() && !in.two_sided.empty()) return Corrupted("a height field with two-sided triangles");
+void ClusterDecoder::Open(const StreamReader& streams) {
   topology_ = RansDecoder<2>(streams.bytes(StreamTag::kTopology));
   vertex_stream_ = RansDecoder<4>(streams.bytes(StreamTag::kVertices));
   const ByteSpan bits = streams.bytes(StreamTag::kBits);
@@ -470,7 +468,16 @@ Result<Cluster> ClusterDecoder::Decode(ByteSpan payload, InPatch in, uint32_t no
   readable_bits_.resize(bits.size() + BitReader::kReadableBytes);
   bits_ = BitReader(ByteSpan(readable_bits_).first(bits.size()));
   attribute_stream_ = RansDecoder<>(streams.bytes(StreamTag::kAttributes));
+}
 
+Result<Cluster> ClusterDecoder::Decode(ByteSpan payload, InPatch in, uint32_t node_limit,
+                                       bool corners) {
+  MTDB_ASSIGN_OR_RETURN(const StreamReader streams, StreamReader::Open(payload, where_));
+  MTDB_RETURN_IF_ERROR(DecodeHead(streams.stream(StreamTag::kHead), node_limit, payload.size()));
+  const size_t row = attribute_coder_.row_bytes();
+  if (in.rows.size() != in.positions.size() * row) return Corrupted("rows of corners missing");
+  if (flat() && !in.two_sided.empty()) return Corrupted("a height field with two-sided triangles");
+  Open(streams);
   Cluster& c = cluster_;
   const size_t n = node_count_;
   c.in = std::move(in);
@@ -484,7 +491,10 @@ Result<Cluster> ClusterDecoder::Decode(ByteSpan payload, InPatch in, uint32_t no
   c.star_begin[0] = c.first_own_slot;
   c.ring_vertices.resize(6 * n + kHoleEntries);
   c.hole_slots.resize(4 * n + kHoleEntries);
-  patch_.emplace(c.in.triangles, c.in.positions, reference_length_, n, flat(), c.in.two_sided);
+  std::vector<uint32_t> hidden_seams;
+  MTDB_RETURN_IF_ERROR(DecodeSeams(streams, c.listed(), where_, &hidden_seams));
+  patch_.emplace(c.in.triangles, c.in.positions, reference_length_, n, flat(), c.in.two_sided,
+                 Patch::Seams{c.in.corners, hidden_seams});
   if (has_fans()) {
     c.fans.resize(n);
     patch_->IndexCreases();
@@ -513,6 +523,10 @@ Result<Cluster> ClusterDecoder::Decode(ByteSpan payload, InPatch in, uint32_t no
   MTDB_RETURN_IF_ERROR(DecodeArcs(streams));
   if (!c.in.two_sided.empty()) InheritSides();
   MTDB_RETURN_IF_ERROR(AddCrumbs(streams, node_limit));
+  if (!c.in.corners.empty() && corners) {
+    MarkSeams(hidden_seams, c.in);
+    MTDB_RETURN_IF_ERROR(DecodeCorners(streams, where_, &c));
+  }
   return std::move(cluster_);
 }
 
@@ -520,7 +534,13 @@ Result<Cluster> ClusterDecoder::Decode(ByteSpan payload, InPatch in, uint32_t no
 
 Result<Cluster> DecodeCluster(ByteSpan payload, InPatch in, const AttributeLayout& attributes,
                               uint32_t node_limit, const std::string& where) {
-  return ClusterDecoder(attributes, where).Decode(payload, std::move(in), node_limit);
+  return ClusterDecoder(attributes, where).Decode(payload, std::move(in), node_limit, true);
+}
+
+Result<Cluster> internal::DecodeWithoutCorners(ByteSpan payload, InPatch in,
+                                               const AttributeLayout& attributes,
+                                               uint32_t node_limit) {
+  return ClusterDecoder(attributes, "cluster").Decode(payload, std::move(in), node_limit, false);
 }
 
 std::vector<StreamSize> ClusterStreamSizes(ByteSpan payload) {

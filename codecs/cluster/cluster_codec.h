@@ -53,7 +53,12 @@ struct ClusterUpdates {
   std::vector<std::array<uint32_t, 3>> triangles;
   std::vector<Consumer> consumers;  // per triangle; read for out-triangles only
   std::vector<uint8_t> two_sided;   // per triangle; empty: none is
-  std::vector<Node> nodes;          // in any order
+  // Of textured objects, per triangle: its corners, and a bit for each edge, (i, i + 1), that is a
+  // crease where two triangles run in opposite directions.
+  std::vector<std::array<TextureCorner, 3>> corners;
+  std::vector<uint8_t> seams;
+  double corner_step = 0;   // of u and v; 0: none
+  std::vector<Node> nodes;  // in any order
   // Each behind those that have one of its triggers, too: what a consumer says of that is of the
   // triangle that the last one puts back.
   std::vector<Crumb> crumbs;
@@ -89,7 +94,8 @@ EncodedCluster EncodeCluster(const ClusterUpdates& updates, const AttributeLayou
 // a terrain, as the object's record says.
 ClusterUpdates UpdatesOf(const Cluster& cluster, bool is_height_field);
 
-// Replays `payload` on `in`, whose rows must be filled, and two_sided where the parents have such.
+// Replays `payload` on `in`, whose rows must be filled, two_sided where the parents have such, and
+// corners with their step when the object is textured.
 // Memory and time are bounded by the payload's length and `node_limit` (from the index). `where`
 // names the cluster in messages. Errors: kCorrupt.
 Result<Cluster> DecodeCluster(ByteSpan payload, InPatch in, const AttributeLayout& attributes,

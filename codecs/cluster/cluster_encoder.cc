@@ -9,6 +9,7 @@
 
 #include "codecs/cluster/cluster_codec.h"
 #include "codecs/cluster/internal/cluster_payload.h"
+#include "codecs/cluster/internal/corners.h"
 #include "codecs/cluster/internal/crumbs.h"
 #include "codecs/cluster/internal/explicit_arcs.h"
 #include "codecs/cluster/internal/lattice.h"
@@ -131,6 +132,15 @@ InPatch OrderInTriangles(const ClusterUpdates& updates, const Owners& owners,
   if (!updates.two_sided.empty()) {
     for (const uint32_t t : result.in_triangles) patch.two_sided.push_back(updates.two_sided[t]);
   }
+  if (!updates.corners.empty()) {
+    patch.corner_step = updates.corner_step;
+    for (uint32_t slot = 0; slot < result.in_triangles.size(); ++slot) {
+      for (size_t i = 0; i < 3; ++i) {
+        patch.corners.push_back(
+            updates.corners[result.in_triangles[slot]][(i + result.in_rotations[slot]) % 3]);
+      }
+    }
+  }
   result.external_vertices = static_cast<uint32_t>(patch.vertices.size());
   return patch;
 }
@@ -141,11 +151,11 @@ InPatch OrderInTriangles(const ClusterUpdates& updates, const Owners& owners,
 class Replay {
  public:
   Replay(const ClusterUpdates& updates, const Owners& owners, const AttributeLayout& attributes,
-         const InPatch& in, int reference_length, ClusterModels& models, ModelObserver* observer,
-         bool try_lattice)
+         const InPatch& in, std::span<const uint32_t> hidden_seams, int reference_length,
+         ClusterModels& models, ModelObserver* observer, bool try_lattice)
       : topology(observer),
         patch(in.triangles, in.positions, reference_length, updates.nodes.size(),
-              updates.is_height_field, in.two_sided),
+              updates.is_height_field, in.two_sided, {in.corners, hidden_seams}),
         any_boundary(std::any_of(updates.nodes.begin(), updates.nodes.end(),
                                  [](const auto& node) { return node.boundary(); })),
         any_fans(std::any_of(updates.nodes.begin(), updates.nodes.end(),
@@ -474,6 +484,31 @@ Bytes Padded(StreamWriter& streams, uint64_t least) {
   return streams.Finish();
 }
 
+void PutChildren(std::span<const UnitId> children, ByteWriter& head) {
+  head.PutVarint(children.size());
+  for (UnitId previous = 0; const UnitId child : children) {
+    head.PutVarint(child - previous);
+    previous = child;
+  }
+}
+
+// What a reader has of the other streams decides how corners are coded.
+void AddCorners(const ClusterUpdates& updates, const AttributeLayout& attributes, InPatch in,
+                const Replay& replay, uint32_t nodes, StreamWriter& streams) {
+  in.rows.clear();
+  for (VertexIndex& v : in.vertices) {
+    const auto begin = updates.rows.begin() + static_cast<ptrdiff_t>(v * attributes.row_bytes());
+    in.rows.insert(in.rows.end(), begin, begin + static_cast<ptrdiff_t>(attributes.row_bytes()));
+  }
+  Result<Cluster> cluster =
+      DecodeWithoutCorners(Padded(streams, LeastPayloadBytes(nodes, attributes.row_bytes())),
+                           std::move(in), attributes, nodes);
+  MTDB_CHECK(cluster.ok(), cluster.status().message().c_str());
+  EncodeCorners(
+      updates, *std::move(cluster), replay.slot_triangle,
+      [&](uint32_t v) { return replay.stored_vertex(v); }, streams);
+}
+
 }  // namespace
 
 EncodedCluster EncodeCluster(const ClusterUpdates& updates, const AttributeLayout& attributes) {
@@ -489,13 +524,16 @@ EncodedCluster internal::EncodeCluster(const ClusterUpdates& updates,
   EncodedCluster result;
   const Owners owners = FindOwners(updates);
   const InPatch in = OrderInTriangles(updates, owners, result);
+  const std::vector<uint32_t> hidden_seams =
+      in.corners.empty() ? std::vector<uint32_t>{}
+                         : FindHiddenSeams(updates, result.in_triangles, result.in_rotations, in);
   const int reference_length = ReferenceLength(updates, owners);
   const ClusterModels fresh = models;
   std::optional<Replay> attempt;
   for (const bool try_lattice : {updates.is_height_field, false}) {
     models = fresh;
-    attempt.emplace(updates, owners, attributes, in, reference_length, models, observer,
-                    try_lattice);
+    attempt.emplace(updates, owners, attributes, in, hidden_seams, reference_length, models,
+                    observer, try_lattice);
     if (attempt->Run(result.in_triangles)) break;
   }
   Replay& replay = *attempt;
@@ -525,16 +563,16 @@ EncodedCluster internal::EncodeCluster(const ClusterUpdates& updates,
   head.Put<uint8_t>(FlagsOf(replay, updates.is_height_field, scaled_by_error));
   head.Put<uint8_t>(static_cast<uint8_t>(reference_length));
   head.PutVarint(node_count);
-  head.PutVarint(child_count);
-  for (uint32_t previous = 0; const UnitId child : result.children) {
-    head.PutVarint(child - previous);
-    previous = child;
-  }
+  PutChildren(result.children, head);
   streams.AddCoded(StreamTag::kTopology, replay.topology.Finish(2));
   streams.AddCoded(StreamTag::kVertices, vertices.Finish(4));
   streams.AddCoded(StreamTag::kBits, bits.Finish());
   streams.AddCoded(StreamTag::kArcs, arc_stream.Finish());
   streams.AddCoded(StreamTag::kAttributes, replay.attribute_stream.Finish());
+  if (!in.corners.empty()) {
+    EncodeSeams(hidden_seams, streams);
+    AddCorners(updates, attributes, in, replay, result.nodes, streams);
+  }
   result.payload = Padded(streams, LeastPayloadBytes(result.nodes, attributes.row_bytes()));
   return result;
 }
@@ -600,6 +638,15 @@ ClusterUpdates UpdatesOf(const Cluster& cluster, bool is_height_field) {
     const NodeIndex first = i;
     for (++i; i < cluster.nodes() && cluster.hole(i).empty();) ++i;
     AddCrumb(cluster, first, i, triangle_of, updates);
+  }
+  if (!cluster.in.corner_places.empty()) {
+    updates.corner_step = cluster.in.corner_step;
+    updates.corners.resize(updates.triangles.size());
+    for (uint32_t s = 0; s < cluster.slots(); ++s) {
+      updates.corners[triangle_of[s]] = cluster.texture(s);
+    }
+    updates.seams = cluster.in.seams;
+    updates.seams.resize(updates.triangles.size());
   }
   updates.consumers.resize(updates.triangles.size());
   for (uint32_t s = 0; s < cluster.slots(); ++s) {

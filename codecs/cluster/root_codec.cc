@@ -2,6 +2,8 @@
 #include "codecs/cluster/root_codec.h"
 
 #include <algorithm>
+#include <cmath>
+#include <cstring>
 #include <string>
 #include <utility>
 #include <vector>
@@ -9,10 +11,35 @@
 #include "codecs/cluster/internal/explicit_arcs.h"
 #include "codecs/cluster/internal/streams.h"
 #include "codecs/coding/attribute_coder.h"
+#include "store/base/coordinate_limit.h"
 
 namespace mtdb {
 
 using namespace internal;
+
+namespace {
+
+// The corners that each vertex has had, in the order of first use.
+using VertexCorners = std::vector<std::vector<TextureCorner>>;
+
+void PutCorners(const InPatch& in, ByteWriter& out) {
+  VertexCorners known(in.positions.size());
+  std::vector<TextureCorner> fresh;
+  ByteWriter numbers;
+  for (size_t i = 0; i < in.corners.size(); ++i) {
+    std::vector<TextureCorner>& there = known[in.triangles[i / 3][i % 3]];
+    const auto at = std::find(there.begin(), there.end(), in.corners[i]);
+    numbers.PutVarint(static_cast<uint64_t>(there.end() - at));
+    if (at != there.end()) continue;
+    there.push_back(in.corners[i]);
+    fresh.push_back(in.corners[i]);
+  }
+  out.PutVarint(fresh.size());
+  out.PutBytes(SplitPlanes(std::as_bytes(std::span(fresh)), sizeof(TextureCorner)));
+  out.PutBytes(numbers.bytes());
+}
+
+}  // namespace
 
 // Vertices come in the order of first use by a triangle, so that
 // triangles code well; their global numbers are coded as differences.
@@ -62,6 +89,7 @@ Bytes EncodeRootPiece(const Cluster& piece, const AttributeLayout& attributes) {
     }
     streams.stream(StreamTag::kTwoSided).PutBytes(bits);
   }
+  if (!piece.in.corners.empty()) PutCorners(piece.in, streams.stream(StreamTag::kCorners));
   const size_t row = attributes.row_bytes();
   if (row != 0) streams.stream(StreamTag::kAttributes).PutBytes(SplitPlanes(piece.in.rows, row));
   return streams.Finish();
@@ -75,7 +103,8 @@ class RootPieceDecoder {
   RootPieceDecoder(const StreamReader& streams, const std::string& where)
       : streams_(streams), where_(where) {}
 
-  Result<Cluster> Decode(const AttributeLayout& attributes, uint64_t root_vertices) {
+  Result<Cluster> Decode(const AttributeLayout& attributes, uint64_t root_vertices,
+                         std::optional<double> corner_step) {
     MTDB_RETURN_IF_ERROR(DecodeHead());
     MTDB_RETURN_IF_ERROR(DecodeVertices(root_vertices));
     MTDB_RETURN_IF_ERROR(DecodeTriangles());
@@ -84,6 +113,7 @@ class RootPieceDecoder {
     const size_t row = attributes.row_bytes();
     ByteReader rows = streams_.stream(StreamTag::kAttributes);
     if (rows.remaining() != vertex_count_ * row) return Corrupted("attributes: wrong length");
+    MTDB_RETURN_IF_ERROR(DecodeCorners(corner_step));
     piece_.in.rows = JoinPlanes(rows.GetBytes(vertex_count_ * row), row);
     return std::move(piece_);
   }
@@ -94,6 +124,7 @@ class RootPieceDecoder {
   Status DecodeVertices(uint64_t root_vertices);
   Status DecodeTriangles();
   Status DecodeSides();
+  Status DecodeCorners(std::optional<double> corner_step);
 
   const StreamReader& streams_;
   const std::string& where_;
@@ -164,6 +195,42 @@ Status RootPieceDecoder::DecodeSides() {
   return Status::Ok();
 }
 
+Status RootPieceDecoder::DecodeCorners(std::optional<double> corner_step) {
+  ByteReader in = streams_.stream(StreamTag::kCorners);
+  if (!corner_step) {
+    return in.remaining() == 0 ? Status::Ok() : Corrupted("corners, but no texture");
+  }
+  constexpr size_t kRow = sizeof(TextureCorner);
+  const uint64_t count = in.GetVarint();
+  if (in.failed() || count > in.remaining() / kRow) return Corrupted("corners: cut short");
+  const Bytes rows = JoinPlanes(in.GetBytes(count * kRow), kRow);
+  piece_.in.corner_step = *corner_step;
+  VertexCorners known(vertex_count_);
+  uint64_t taken = 0;
+  for (uint64_t i = 0; i < 3 * triangle_count_; ++i) {
+    std::vector<TextureCorner>& there = known[piece_.in.triangles[i / 3][i % 3]];
+    const uint64_t back = in.GetVarint();
+    if (in.failed() || back > there.size() || (back == 0 && taken == count)) {
+      return Corrupted("corners: one that is not there");
+    }
+    if (back == 0) std::memcpy(&there.emplace_back(), rows.data() + kRow * taken++, kRow);
+    const TextureCorner& corner = back == 0 ? there.back() : there[there.size() - back];
+    if (!(std::abs(corner.u) <= kMostTextureCoordinate &&
+          std::abs(corner.v) <= kMostTextureCoordinate)) {
+      return Corrupted("corners: no numbers, or too large ones");
+    }
+    if (i % 3 != 0 && corner.page != piece_.in.corners.back().page) {
+      return Corrupted("corners: a triangle on two pages");
+    }
+    piece_.in.corners.push_back(corner);
+  }
+  if (in.remaining() != 0 || taken != count) return Corrupted("corners: wrong length");
+  for (uint32_t slot = 0; slot < triangle_count_; ++slot) {
+    piece_.in.corner_places.push_back({3 * slot, 3 * slot + 1, 3 * slot + 2});
+  }
+  return Status::Ok();
+}
+
 Status RootPieceDecoder::DecodeTriangles() {
   ByteReader triangles = streams_.stream(StreamTag::kRootTriangles);
   ByteReader arcs = streams_.stream(StreamTag::kArcs);
@@ -195,9 +262,10 @@ Status RootPieceDecoder::DecodeTriangles() {
 }  // namespace
 
 Result<Cluster> DecodeRootPiece(ByteSpan payload, const AttributeLayout& attributes,
-                                uint64_t root_vertices, const std::string& where) {
+                                uint64_t root_vertices, const std::string& where,
+                                std::optional<double> corner_step) {
   MTDB_ASSIGN_OR_RETURN(const StreamReader streams, StreamReader::Open(payload, where));
-  return RootPieceDecoder(streams, where).Decode(attributes, root_vertices);
+  return RootPieceDecoder(streams, where).Decode(attributes, root_vertices, corner_step);
 }
 
 }  // namespace mtdb

@@ -66,7 +66,7 @@ uint32_t Patch::Hole::EdgeBetween(uint32_t a, uint32_t b) const {
 
 Patch::Patch(std::span<const std::array<uint32_t, 3>> triangles, std::span<const Vec3i> positions,
              int reference_length, size_t expected_nodes, bool flat,
-             std::span<const uint8_t> two_sided)
+             std::span<const uint8_t> two_sided, const Seams& seams)
     : shortest_(static_cast<uint32_t>(127 + reference_length - 3)),
       first_apex_(static_cast<uint32_t>(positions.size())),
       height_(flat ? 0.0f : 1.0f) {
@@ -80,7 +80,7 @@ Patch::Patch(std::span<const std::array<uint32_t, 3>> triangles, std::span<const
   for (const Vec3i p : positions) AddPoint(p);
   last_apex_.assign(positions.size() + expected_nodes, kNone32);
   PairEdges();
-  if (!two_sided.empty()) PartSides(two_sided);
+  PartSheets(two_sided, seams);
   Measure(0, slots());
   for (uint32_t slot = 0; slot < slots(); ++slot) {
     Triangle& t = triangles_[slot];
@@ -148,12 +148,31 @@ void Patch::PairEdges() {
   }
 }
 
-void Patch::PartSides(std::span<const uint8_t> two_sided) {
-  for (uint32_t slot = 0; slot < slots(); ++slot) {
+void Patch::PartSheets(std::span<const uint8_t> two_sided, const Seams& seams) {
+  for (uint32_t slot = 0; slot < two_sided.size(); ++slot) {
     for (uint32_t& o : triangles_[slot].opposite) {
       if (o != kNone32 && two_sided[o >> 2] != two_sided[slot]) o = kNone32;
     }
   }
+  const auto part = [&](uint32_t slot, uint32_t i) {
+    uint32_t& o = triangles_[slot].opposite[i];
+    if (o == kNone32) return;
+    triangles_[o >> 2].opposite[o & 3] = kNone32;
+    o = kNone32;
+  };
+  for (uint32_t slot = 0; 3 * size_t{slot} < seams.corners.size(); ++slot) {
+    for (uint32_t i = 0; i < 3; ++i) {
+      const uint32_t o = triangles_[slot].opposite[i];
+      if (o == kNone32) continue;
+      const size_t here = 3 * size_t{slot}, there = 3 * size_t{o >> 2};
+      const uint32_t next = i == 2 ? 0 : i + 1, other_next = (o & 3) == 2 ? 0 : (o & 3) + 1;
+      if (seams.corners[here + i] != seams.corners[there + other_next] ||
+          seams.corners[here + next] != seams.corners[there + (o & 3)]) {
+        part(slot, i);
+      }
+    }
+  }
+  for (const uint32_t h : seams.hidden) part(h >> 2, h & 3);
 }
 
 void Patch::Grow(size_t slots) {

@@ -14,6 +14,7 @@
 #include "store/base/float4.h"
 #include "store/base/geometry.h"
 #include "store/base/ids.h"
+#include "store/base/texture.h"
 
 namespace mtdb {
 
@@ -74,12 +75,18 @@ class Patch {
     void Rotate(size_t split);
   };
 
+  // Where textures part sheets: `corners`, three per triangle, or none; and half-edges that are
+  // seams although the corners on both sides are equal there.
+  struct Seams {
+    std::span<const TextureCorner> corners;
+    std::span<const uint32_t> hidden;
+  };
   // Of `triangles` between `positions`. `reference_length`: from the head of the cluster. `flat`:
   // of a height field, so that shapes are those seen along z. `two_sided`: per triangle, or empty;
-  // an edge between a two-sided triangle and one that is not is a crease.
+  // an edge between a two-sided triangle and one that is not is a crease. So is a seam.
   Patch(std::span<const std::array<uint32_t, 3>> triangles, std::span<const Vec3i> positions,
         int reference_length, size_t expected_nodes, bool flat = false,
-        std::span<const uint8_t> two_sided = {});
+        std::span<const uint8_t> two_sided = {}, const Seams& seams = {});
 
   uint32_t slots() const { return slots_; }
   const Triangle& triangle(uint32_t slot) const { return triangles_[slot]; }
@@ -209,7 +216,7 @@ class Patch {
   }
   void NoteCrease(uint32_t half_edge);
   void PairEdges();
-  void PartSides(std::span<const uint8_t> two_sided);
+  void PartSheets(std::span<const uint8_t> two_sided, const Seams& seams);
   void Grow(size_t slots);
   void Measure(uint32_t begin, uint32_t end);
 

@@ -272,8 +272,22 @@ Status internal::LeftOutError(const std::string& path, const LeftOutVertices& le
 void internal::AddIgnored(MeshReadReport* report, std::string what) {
   constexpr size_t kMost = 64;  // a hostile file has a million
   std::vector<std::string>& all = report->ignored;
+  constexpr size_t kLongest = 400;
+  if (what.size() > kLongest) {
+    what.resize(kLongest);
+    while (!what.empty() && (static_cast<unsigned char>(what.back()) & 0x80) != 0) what.pop_back();
+    what += " ...";
+  }
+  std::ranges::replace_if(
+      what, [](unsigned char c) { return c < ' ' || c == 0x7f; }, '?');
   if (all.size() > kMost || std::find(all.begin(), all.end(), what) != all.end()) return;
   all.push_back(all.size() == kMost ? "others" : std::move(what));
+}
+
+void internal::AddWrongCorners(uint64_t triangles, MeshReadReport* report) {
+  if (triangles == 0) return;
+  AddIgnored(report, "wrong texture coordinates of " + std::to_string(triangles) +
+                         (triangles == 1 ? " triangle" : " triangles"));
 }
 
 }  // namespace mtdb

@@ -86,7 +86,9 @@ class MeshInput {
   // Pushes the mesh into `sink` in blocks. The content tells the format where it begins with a
   // magic word, else the suffix does. Memory does not grow with the file, except for STL, whose
   // vertices are joined by exact position, for the vertex table of OBJ faces, and for what
-  // codecs/mesh_file/README.md says of compressed formats. Errors: kIoError, and kBadInput with
+  // codecs/mesh_file/README.md says of compressed formats. A file with texture coordinates gives a
+  // textured mesh; its images are read when Texture::load is called, also when the input is closed.
+  // Errors: kIoError, and kBadInput with
   // file, element number or line, what was expected and what was found; among them: coordinates
   // that are not finite of vertices that faces use, vertex indices out of range, a count that the
   // file is too short for, no vertices.
@@ -143,8 +145,12 @@ struct MeshWriteReport {
 
 // A sink that writes a file. The file appears under its name only when End() succeeds, so that a
 // failed run leaves nothing half done. codecs/mesh_file/README.md says what each format carries.
-// Writers stream, except that STL keeps 12 bytes a vertex, and formats with keeps_mesh the whole
-// mesh.
+// Writers stream, except that STL keeps 12 bytes a vertex, and formats with keeps_mesh, and .glb of
+// a textured mesh, the whole mesh.
+//
+// PLY and OBJ have the images of a textured mesh in files beside theirs, and OBJ an MTL file. They
+// appear just before the mesh does; those that were not there before disappear again when it fails.
+// An image that cannot be loaded is an error of End(). Into a descriptor, there are none of them.
 //
 // Formats that are not exact store positions as float32; rounding() says how far that moved them.
 // When a mesh is far from 0 for its size, they store offsets from an origin: the node's translation

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <cstddef>
 #include <cstring>
 #include <span>
@@ -38,6 +39,10 @@ class BlockWriter {
   void AddTriangles(const TriangleVertices* end) {
     triangle_count_ = static_cast<size_t>(end - triangles_.data());
   }
+  // Of each of those triangles, when the mesh is textured.
+  void AddCorners(const std::array<TextureCorner, 3>& corners) {
+    corners_.insert(corners_.end(), corners.begin(), corners.end());
+  }
   void AddVertex(Vec3i position, const std::byte* row) {
     positions_[vertices_] = grid_.Position(position);
     if (row_bytes_ > 0) {
@@ -64,10 +69,16 @@ class BlockWriter {
     return Status::Ok();
   }
   Status FlushTriangles() {
+    if (!corners_.empty() && corners_.size() != 3 * triangle_count_) {
+      return Corrupt("triangles of a textured object without corners");
+    }
     for (size_t i = 0; i < triangle_count_; i += kLargestBlock) {
       const size_t n = std::min(kLargestBlock, triangle_count_ - i);
       MTDB_RETURN_IF_ERROR(sink_.AddTriangles(std::span(triangles_).subspan(i, n)));
+      if (corners_.empty()) continue;
+      MTDB_RETURN_IF_ERROR(sink_.AddCorners(std::span(corners_).subspan(3 * i, 3 * n)));
     }
+    corners_.clear();
     triangles_sent_ += triangle_count_;
     triangle_count_ = 0;
     return Status::Ok();
@@ -87,6 +98,7 @@ class BlockWriter {
   std::vector<Vec3d> positions_;
   Bytes rows_;
   std::vector<TriangleVertices> triangles_;
+  std::vector<TextureCorner> corners_;
   size_t vertices_ = 0;        // in the block
   size_t triangle_count_ = 0;  // likewise
   uint64_t vertices_sent_ = 0;

@@ -10,6 +10,7 @@
 #include "query/fields/stopwatch.h"
 #include "query/fields/work_meter.h"
 #include "store/base/vertex_meaning.h"
+#include "store/texture_pages.h"
 
 namespace mtdb::internal {
 namespace {
@@ -37,6 +38,11 @@ MeshHeader CutImpl::HeaderOf(const ObjectRecord& record) {
   header.attributes = record.attributes;
   header.double_positions = record.double_positions;
   header.bounds = record.bounds;
+  header.textured = record.texture.has_value();
+  if (record.texture) {
+    header.texture_step = record.texture->step;
+    header.textures = TexturesOf(record, nullptr);
+  }
   if (record.grid.mode == PositionMode::kGrid) header.position_step = record.grid.step;
   return header;
 }
@@ -248,6 +254,7 @@ Status CutImpl::Emit(MeshSink& sink) {
   const ObjectRecord& record = surface_->record();
   if (everything_ && !numbered_) MTDB_RETURN_IF_ERROR(NumberVertices());
   MeshHeader header = HeaderOf(record);
+  header.textures = TexturesOf(record, surface_->source());
   header.vertex_count = stats_.vertices;
   header.triangle_count = stats_.triangles;
   std::vector<Vec3f> normals;
@@ -263,7 +270,7 @@ Status CutImpl::Emit(MeshSink& sink) {
   const bool all_active = stats_.active_triangles == stats_.triangles;
   // Without room for all units they are loaded for their vertices and triangles together.
   const auto file = reader_.SpillBeside(units);
-  keeps_ = file == nullptr ? 0 : all_active ? 1 : 2;
+  keeps_ = file == nullptr || header.textured ? 0 : all_active ? 1 : 2;
   for (size_t k = 0; k < kept_.size(); ++k) {
     kept_[k].Begin(k < keeps_ ? file : nullptr, units.size(), stats_.vertices);
   }
@@ -386,6 +393,7 @@ Status CutImpl::EmitTriangles(std::span<const UnitId> units, BlockWriter& out, b
         units.subspan(i, end - i),
         [&](const LoadedUnit& unit) {
           out.AddTriangles(PutTriangles(unit, active, out.TriangleRoom(unit.own_slots())));
+          if (!unit.cluster.corner_places.empty()) PutCorners(unit, active, out);
         },
         sent));
     i = end;
@@ -485,6 +493,14 @@ TriangleVertices* CutImpl::PutTriangles(const LoadedUnit& unit, bool active,
     *next++ = {number(t[0]), number(t[1]), number(t[2])};
   });
   return next;
+}
+
+void CutImpl::PutCorners(const LoadedUnit& unit, bool active, BlockWriter& out) {
+  const std::span<const uint64_t> slots = Slots(unit, active);
+  const uint32_t first_own = unit.first_own_slot();
+  for (uint32_t own = 0; own < unit.own_slots() && !slots.empty(); ++own) {
+    if (BitsAt(slots, own, 1) != 0) out.AddCorners(unit.cluster.texture(first_own + own));
+  }
 }
 
 bool CutImpl::InOutput(VertexIndex vertex, UnitId owner) const {

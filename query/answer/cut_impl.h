@@ -74,6 +74,8 @@ class CutImpl {
   void EmitClusterVertices(const LoadedUnit& unit, BlockWriter& out) const;
   // Into `next`, which has room for the unit's own slots. Returns their end.
   TriangleVertices* PutTriangles(const LoadedUnit& unit, bool active, TriangleVertices* next);
+  // Likewise the corners of a textured object's.
+  void PutCorners(const LoadedUnit& unit, bool active, BlockWriter& out);
   // Of all vertices of the output, in their order.
   Status FindNormals(std::vector<Vec3f>* normals);
   // Calls f(local vertices) for each triangle of the unit in `slots`, which has a bit per own slot.

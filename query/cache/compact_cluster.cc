@@ -70,6 +70,9 @@ InPatch CompactCluster::in_patch(size_t row_bytes) const {
     if (is_mirror(slot)) continue;
     in.triangles.push_back(listed_triangle(slot));
     if (!mirrors.empty()) in.two_sided.push_back(two_sided(slot));
+    if (corner_places.empty()) continue;
+    const std::array<TextureCorner, 3> t = texture(slot);
+    in.corners.insert(in.corners.end(), t.begin(), t.end());
   }
   in.vertices = vertices;
   for (uint32_t v = 0; v < external_vertices(); ++v) in.positions.push_back(position(v));
@@ -84,7 +87,8 @@ size_t CompactCluster::memory_bytes() const {
          VectorBytes(ring_vertices) + VectorBytes(star_begin) + VectorBytes(hole_begin) +
          VectorBytes(hole_slots) + VectorBytes(removers.codes()) + VectorBytes(children) +
          VectorBytes(explicit_arcs) + VectorBytes(vertex_begin) + VectorBytes(created_corners) +
-         VectorBytes(fans) + VectorBytes(later_fans) + VectorBytes(mirrors);
+         VectorBytes(fans) + VectorBytes(later_fans) + VectorBytes(mirrors) + VectorBytes(corners) +
+         VectorBytes(corner_places);
 }
 
 Result<CompactCluster> MakeCompact(Cluster cluster, const std::string& where) {
@@ -123,6 +127,8 @@ Result<CompactCluster> MakeCompact(Cluster cluster, const std::string& where) {
   c.created_corners = std::move(cluster.created_corners);
   c.fans = std::move(cluster.fans);
   c.later_fans = Tight(std::move(cluster.later_fans));
+  c.corners = Tight(std::move(cluster.in.corners));
+  c.corner_places = Tight(std::move(cluster.in.corner_places));
   c.mirrors = Narrow(mirrors);  // kNone32 becomes kNoMirror
   return c;
 }

@@ -110,6 +110,9 @@ struct CompactCluster {
   // is what the payload tells of. Empty when nothing is two-sided.
   std::vector<LocalNumber> mirrors;
   static constexpr LocalNumber kNoMirror = 0xffff;
+  // Of textured objects: corners, and per slot the places of its three among them.
+  std::vector<TextureCorner> corners;
+  std::vector<std::array<uint32_t, 3>> corner_places;
 
   uint32_t nodes() const { return static_cast<uint32_t>(error_codes.size()); }
   uint32_t in_triangles() const { return first_own_slot; }
@@ -179,6 +182,10 @@ struct CompactCluster {
     const std::span<const LocalNumber> r = ring(i);
     const uint32_t j = slot - star_begin[i];
     return {external_vertices() + i, r[j], r[j + 1 == r.size() ? 0 : j + 1]};
+  }
+  std::array<TextureCorner, 3> texture(uint32_t slot) const {
+    const std::array<uint32_t, 3>& places = corner_places[slot];
+    return {corners[places[0]], corners[places[1]], corners[places[2]]};
   }
   // What it was decoded from, with rows of so many bytes.
   InPatch in_patch(size_t row_bytes) const;

@@ -105,9 +105,11 @@ class Gatherer {
 
   // With rows of so many bytes. `owners`: of its vertices, the clusters that insert them (kNone32
   // for a root vertex).
-  InPatch MakePatch(std::span<const InSlot> slots, size_t row_bytes,
+  // `textured`: all parents have corners.
+  InPatch MakePatch(std::span<const InSlot> slots, size_t row_bytes, bool textured,
                     std::vector<UnitId>& owners) const {
     InPatch patch = MakeInPatch(triangles_, positions_, slots);
+    if (textured) AddCorners(slots, patch);
     if (std::ranges::any_of(parents_, [](const auto& p) { return !p->cluster.mirrors.empty(); })) {
       for (const InSlot& slot : slots) patch.two_sided.push_back(IsTwoSided(slot.triangle));
       if (std::ranges::count(patch.two_sided, 0) == std::ssize(slots)) patch.two_sided.clear();
@@ -138,6 +140,16 @@ class Gatherer {
                    std::to_string(entry_.in_triangles) + " in-triangles of the index");
   }
 
+  // Of a textured object.
+  void AddCorners(std::span<const InSlot> slots, InPatch& patch) const {
+    for (const InSlot& slot : slots) {
+      const SlotOrigin& origin = origins_[slot.triangle];
+      const std::array<TextureCorner, 3> corners =
+          parents_[origin.parent]->cluster.texture(origin.slot);
+      for (uint32_t i = 0; i < 3; ++i)
+        patch.corners.push_back(corners[(i + slot.first_corner) % 3]);
+    }
+  }
   bool IsTwoSided(size_t triangle) const {
     const SlotOrigin& origin = origins_[triangle];
     return parents_[origin.parent]->cluster.two_sided(origin.slot);
@@ -279,6 +291,23 @@ Status CheckUnit(const std::string& name, const ClusterIndex& index, UnitId unit
   return CheckRemovers(name, c, entry.out_triangles);
 }
 
+// Each slot of a textured object's unit has corners, whose pages are there.
+Status CheckCorners(const std::string& name, const ObjectRecord& record, const CompactCluster& c) {
+  if (c.corner_places.size() != (record.texture ? c.slots() : 0)) {
+    return Corrupt(name + ": corners of " + std::to_string(c.corner_places.size()) + " of " +
+                   std::to_string(c.slots()) + " triangles");
+  }
+  if (!record.texture) return Status::Ok();
+  for (const TextureCorner& corner : c.corners) {
+    if (corner.page < record.texture->pages.size() || corner.page == TextureCorner::kNoPage) {
+      continue;
+    }
+    return Corrupt(name + ": a corner on page " + std::to_string(corner.page) +
+                   ", but the object has " + std::to_string(record.texture->pages.size()));
+  }
+  return Status::Ok();
+}
+
 std::vector<uint64_t> FindDrain(const LoadedUnit& unit) {
   std::vector<uint64_t> drain((unit.own_slots() + 63) / 64, 0);
   const LocalNumber* removers = unit.removers().codes().data() + unit.first_own_slot();
@@ -410,10 +439,12 @@ Result<Cluster> DecodeFromParents(const ObjectRecord& record, const ClusterIndex
   Gatherer gatherer(index, unit.id, name, parents);
   for (uint32_t i = 0; i < parents.size(); ++i) MTDB_RETURN_IF_ERROR(gatherer.Add(i));
   MTDB_ASSIGN_OR_RETURN(const std::vector<InSlot> slots, gatherer.FindSlots());
-  InPatch patch = gatherer.MakePatch(slots, record.attributes.row_bytes(), unit.owners);
+  InPatch patch = gatherer.MakePatch(slots, record.attributes.row_bytes(),
+                                     record.texture.has_value(), unit.owners);
   if (patch.vertices.size() != entry.external_vertices) {
     return Mismatch(name, "external vertices", entry.external_vertices, patch.vertices.size());
   }
+  if (record.texture) patch.corner_step = record.texture->step;
   // The triangles were gathered in ascending order of their origins.
   unit.origins.resize(slots.size());
   unit.by_origin.resize(slots.size());
@@ -455,10 +486,12 @@ Result<LoadedUnitPtr> LoadUnit(const ObjectRecord& record, const ClusterIndex& i
   const bool root = index.unit(unit).round == kRootRound;
   MTDB_ASSIGN_OR_RETURN(
       Cluster cluster,
-      root ? DecodeRootPiece(payload, record.attributes, index.root_vertices(), name)
+      root ? DecodeRootPiece(payload, record.attributes, index.root_vertices(), name,
+                             record.texture ? std::optional(record.texture->step) : std::nullopt)
            : DecodeFromParents(record, index, name, payload, parents, *loaded));
   MTDB_ASSIGN_OR_RETURN(loaded->cluster, MakeCompact(std::move(cluster), name));
   MTDB_RETURN_IF_ERROR(CheckUnit(name, index, unit, loaded->cluster));
+  MTDB_RETURN_IF_ERROR(CheckCorners(name, record, loaded->cluster));
   if (!root && !loaded->cluster.mirrors.empty()) AddOtherSides(parents, *loaded);
   if (root) loaded->owners.assign(loaded->cluster.external_vertices(), kNone32);
   loaded->drain = FindDrain(*loaded);

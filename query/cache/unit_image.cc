@@ -32,6 +32,8 @@ void ForEachArray(Unit& unit, F&& f) {
   f(cluster.fans);
   f(cluster.later_fans);
   f(cluster.mirrors);
+  f(cluster.corners);
+  f(cluster.corner_places);
   f(unit.parents);
   f(unit.origins);
   f(unit.by_origin);

@@ -27,15 +27,18 @@ size_t UnitTable::EstimateBytes(UnitId unit) const {
   const UnitEntry& entry = index_.unit(unit);
   const size_t stars = size_t{6} * entry.nodes;
   const size_t listed = entry.nodes > 0 ? 0 : entry.out_triangles;
-  return sizeof(LoadedUnit) + entry.in_triangles * size_t{16} + stars * size_t{6} +
-         listed * size_t{9} + entry.nodes * (size_t{13} + row_bytes) +
+  const size_t slots = entry.in_triangles + stars + listed;
+  const size_t corners = 3 * (entry.in_triangles + listed) + entry.nodes;
+  return sizeof(LoadedUnit) + (record_.texture ? 12 * (slots + corners) : 0) +
+         entry.in_triangles * size_t{16} + stars * size_t{6} + listed * size_t{9} +
+         entry.nodes * (size_t{13} + row_bytes) +
          entry.external_vertices * (size_t{6} + sizeof(VertexIndex) + 4 + row_bytes);
 }
 
 // Some 60 bytes a node are usual.
 size_t UnitTable::TypicalBytes() const {
-  return sizeof(LoadedUnit) +
-         (60 + record_.attributes.row_bytes()) * (record_.nodes / std::max(1u, record_.clusters));
+  return sizeof(LoadedUnit) + (60 + (record_.texture ? 120 : 0) + record_.attributes.row_bytes()) *
+                                  (record_.nodes / std::max(1u, record_.clusters));
 }
 
 size_t UnitTable::LargestEstimate() const {

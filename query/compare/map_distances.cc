@@ -48,6 +48,9 @@ class DistanceSink final : public MeshSink {
   Status AddTriangles(std::span<const TriangleVertices> triangles) override {
     return sink_.AddTriangles(triangles);
   }
+  Status AddCorners(std::span<const TextureCorner> corners) override {
+    return sink_.AddCorners(corners);
+  }
   Status End() override { return sink_.End(); }
 
  private:

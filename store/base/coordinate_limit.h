@@ -17,4 +17,7 @@ constexpr bool AreCoordinates(Vec3d p) {
   return IsCoordinate(p.x) && IsCoordinate(p.y) && IsCoordinate(p.z);
 }
 
+// Of texture coordinates, u and v.
+inline constexpr float kMostTextureCoordinate = 16777216;
+
 }  // namespace mtdb

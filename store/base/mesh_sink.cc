@@ -27,6 +27,7 @@ Status TriangleMeshSink::Begin(const MeshHeader& header) {
   mesh_->positions.clear();
   mesh_->triangles.clear();
   mesh_->rows.clear();
+  mesh_->corners.clear();
   return Status::Ok();
 }
 
@@ -41,6 +42,12 @@ Status TriangleMeshSink::AddVertices(std::span<const Vec3d> positions, ByteSpan 
 Status TriangleMeshSink::AddTriangles(std::span<const TriangleVertices> triangles) {
   MakeRoom(mesh_->triangles, triangles.size(), mesh_->header.triangle_count.value_or(0));
   mesh_->triangles.insert(mesh_->triangles.end(), triangles.begin(), triangles.end());
+  return Status::Ok();
+}
+
+Status TriangleMeshSink::AddCorners(std::span<const TextureCorner> corners) {
+  MakeRoom(mesh_->corners, corners.size(), 3 * mesh_->header.triangle_count.value_or(0));
+  mesh_->corners.insert(mesh_->corners.end(), corners.begin(), corners.end());
   return Status::Ok();
 }
 
@@ -65,6 +72,8 @@ Status SendMesh(const TriangleMesh& mesh, MeshSink& sink) {
   for (size_t i = 0; i < mesh.triangles.size(); i += kBlock) {
     const size_t n = std::min(kBlock, mesh.triangles.size() - i);
     MTDB_RETURN_IF_ERROR(sink.AddTriangles(std::span(mesh.triangles).subspan(i, n)));
+    if (!header.textured) continue;
+    MTDB_RETURN_IF_ERROR(sink.AddCorners(std::span(mesh.corners).subspan(3 * i, 3 * n)));
   }
   return sink.End();
 }

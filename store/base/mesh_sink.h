@@ -15,6 +15,7 @@
 #include "store/base/geometry.h"
 #include "store/base/ids.h"
 #include "store/base/status.h"
+#include "store/base/texture.h"
 
 namespace mtdb {
 
@@ -31,13 +32,18 @@ struct MeshHeader {
   // Above 0: in each coordinate, different positions differ by at least about so much; set by
   // queries of objects on a grid.
   double position_step = 0;
-  Box3d bounds;                            // around all positions; set by queries
-  bool soup = false;                       // see MeshSink::joins_soup
+  Box3d bounds;                   // around all positions; set by queries
+  bool soup = false;              // see MeshSink::joins_soup
+  bool textured = false;          // see MeshSink::AddCorners
+  std::vector<Texture> textures;  // the pages, when it is
+  // Above 0: u and v of corners are multiples of it, rounded to float32; set by queries.
+  double texture_step = 0;
   std::optional<uint64_t> vertex_count;    // always set by queries
   std::optional<uint64_t> triangle_count;  // likewise
 };
 
-// The producer of a mesh calls Begin, then AddVertices and AddTriangles in any mixture, then End. A
+// The producer of a mesh calls Begin, then AddVertices and AddTriangles in any mixture, AddCorners
+// after each of the latter when the mesh is textured, then End. A
 // triangle may name a vertex that comes later; queries, however, send all vertices first. A block
 // has at most some 64 Ki elements. When a call returns an error, the producer stops and returns it.
 // Single thread.
@@ -48,6 +54,9 @@ class MeshSink {
   // `rows` holds positions.size() rows of header.attributes.row_bytes() bytes.
   virtual Status AddVertices(std::span<const Vec3d> positions, ByteSpan rows) = 0;
   virtual Status AddTriangles(std::span<const TriangleVertices> triangles) = 0;
+  // When header.textured: the corners of the triangles that AddTriangles got just before, three a
+  // triangle. Sinks that have no use for them leave it as it is.
+  virtual Status AddCorners(std::span<const TextureCorner> /*corners*/) { return Status::Ok(); }
   virtual Status End() = 0;
   // True when the sink itself joins vertices of equal position into one. Readers of formats without
   // shared vertices then set header.soup, and send three vertices for each triangle, in its order,
@@ -69,6 +78,7 @@ struct TriangleMesh {
   std::vector<Vec3d> positions;
   std::vector<TriangleVertices> triangles;
   Bytes rows;  // attributes, positions.size() * header.attributes.row_bytes() bytes
+  std::vector<TextureCorner> corners;  // three a triangle when header.textured, else none
 };
 
 // Fills a TriangleMesh, which must outlive the sink.
@@ -78,6 +88,7 @@ class TriangleMeshSink final : public MeshSink {
   Status Begin(const MeshHeader& header) override;
   Status AddVertices(std::span<const Vec3d> positions, ByteSpan rows) override;
   Status AddTriangles(std::span<const TriangleVertices> triangles) override;
+  Status AddCorners(std::span<const TextureCorner> corners) override;
   Status End() override;
 
  private:

@@ -174,7 +174,7 @@ Status RemoveRemains(Environment& environment, ObjectId id) {
   }));
   if (!there) return Status::Ok();
   const Bytes prefix = ObjectPrefix(id);
-  for (const Table table : {Table::kUnits, Table::kIndex}) {
+  for (const Table table : kObjectTables) {
     bool done = false;
     while (!done) {
       MTDB_RETURN_IF_ERROR(environment.Write([&](WriteTransaction& write) -> Status {

@@ -5,9 +5,11 @@
 #include <functional>
 #include <optional>
 
+#include "store/base/hash.h"
 #include "store/base/out_of_memory.h"
 #include "store/lmdb/catalog.h"
 #include "store/records/no_such_object.h"
+#include "store/records/page_parts.h"
 
 namespace mtdb::internal {
 namespace {
@@ -35,6 +37,29 @@ Result<Bytes> ReadPayload(const PageReader& pages, const ValueRef& value,
                    std::to_string(checksum) + "; restore the file from a copy");
   }
   return payload;
+}
+
+Result<Bytes> ReadTexturePart(const Snapshot& snapshot, const ObjectRecord& record, uint32_t page,
+                              uint32_t part, const std::string& where) {
+  const std::string place =
+      where + ": " + PageLabel(record, page) + ": part " + std::to_string(part);
+  const Bytes key = TextureKey(record.id, page, part);
+  MTDB_ASSIGN_OR_RETURN(const auto value, snapshot.Find(Table::kTextures, key));
+  if (!value) return Corrupt(place + " is missing; run verify, restore the file from a copy");
+  const uint64_t left = record.texture->pages[page].bytes - uint64_t{part} * kPagePartBytes;
+  const uint64_t expected = std::min<uint64_t>(left, kPagePartBytes);
+  if (value->size != kChecksumBytes + expected) {
+    return Corrupt(place + ", offset " + std::to_string(value->file_offset) +
+                   " of the file: expected " + std::to_string(kChecksumBytes + expected) +
+                   " bytes, found " + std::to_string(value->size));
+  }
+  MTDB_ASSIGN_OR_RETURN(Bytes bytes, snapshot.pages().ReadWhole(*value, value->size));
+  MTDB_RETURN_IF_ERROR(
+      OpenValue(Table::kTextures, key, bytes,
+                place + ", offset " + std::to_string(value->file_offset) + " of the file")
+          .status());
+  bytes.erase(bytes.begin(), bytes.begin() + kChecksumBytes);
+  return bytes;
 }
 
 Result<std::shared_ptr<ClusterSource>> ObjectReader::Open(std::shared_ptr<Environment> environment,
@@ -123,13 +148,13 @@ Result<Bytes> ObjectReader::ReadOne(const Snapshot& snapshot, UnitId unit) {
 // What the checksum proves is right, whatever has become of the snapshot. Anything else is looked
 // at in a newer one, if writers have used its pages again, and once without the pages that were
 // read before.
-Result<Bytes> ObjectReader::ReadProven(UnitId unit, Snapshot* snapshot) {
+Result<Bytes> ObjectReader::ReadProven(const ReadProof& read, Snapshot* snapshot) {
   bool fresh = false;
   for (int i = 0; i < kTries; ++i) {
-    auto payload = ReadOne(*snapshot, unit);
-    if (payload.ok()) return payload;
+    auto proven = read(*snapshot);
+    if (proven.ok()) return proven;
     MTDB_ASSIGN_OR_RETURN(const bool held, environment_->Holds(*snapshot));
-    if (held && fresh) return Explain(payload.status());
+    if (held && fresh) return Explain(proven.status());
     fresh = held;
     MTDB_ASSIGN_OR_RETURN(*snapshot, environment_->Newest(fresh));
   }
@@ -150,9 +175,48 @@ void ObjectReader::Read(std::span<const UnitId> units, std::shared_ptr<PayloadRe
                         if (pinned_) return ReadOne(*pinned_, unit);
                         if (!snapshot) snapshot.emplace(environment_->Newest());
                         if (!snapshot->ok()) return snapshot->status();
-                        return ReadProven(unit, &**snapshot);
+                        return ReadProven([&](const Snapshot& s) { return ReadOne(s, unit); },
+                                          &**snapshot);
                       }));
   }
+}
+
+Result<Bytes> ObjectReader::ReadTexturePage(uint32_t page, uint64_t offset, uint64_t bytes) {
+  return CatchOutOfMemory([&]() -> Result<Bytes> {
+    MTDB_RETURN_IF_ERROR(CheckPageRange(record_, page, offset, bytes, place_));
+    if (bytes == 0) return Bytes();
+    MTDB_ASSIGN_OR_RETURN(Bytes read, ReadParts(page, offset, bytes));
+    if (bytes < record_.texture->pages[page].bytes) return read;
+    const Status status = CheckPageChecksum(record_, page, Hash64(read), place_);
+    // The parts are whole, but of another object: another store was copied over the file.
+    if (!status.ok()) return pinned_ ? status : Explain(status);
+    return read;
+  });
+}
+
+Result<Bytes> ObjectReader::ReadParts(uint32_t page, uint64_t offset, uint64_t bytes) {
+  std::optional<Snapshot> newest;
+  if (!pinned_) {
+    MTDB_ASSIGN_OR_RETURN(newest, environment_->Newest());
+  }
+  // A record may claim more than there is.
+  MTDB_ASSIGN_OR_RETURN(const uint64_t file_bytes, environment_->file().Size());
+  Bytes read;
+  read.reserve(std::min(bytes, file_bytes));
+  const uint64_t end = offset + bytes;
+  for (auto part = static_cast<uint32_t>(offset / kPagePartBytes); read.size() < bytes; ++part) {
+    const auto read_part = [&](const Snapshot& snapshot) {
+      return ReadTexturePart(snapshot, record_, page, part, place_);
+    };
+    MTDB_ASSIGN_OR_RETURN(const Bytes found,
+                          pinned_ ? read_part(*pinned_) : ReadProven(read_part, &*newest));
+    const uint64_t begin = uint64_t{part} * kPagePartBytes;
+    const uint64_t from = std::max(offset, begin) - begin;
+    const uint64_t to = std::min<uint64_t>(end - begin, found.size());
+    read.insert(read.end(), found.begin() + static_cast<ptrdiff_t>(from),
+                found.begin() + static_cast<ptrdiff_t>(to));
+  }
+  return read;
 }
 
 }  // namespace mtdb::internal

@@ -3,10 +3,12 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <mutex>
 #include <optional>
 #include <span>
+#include <string>
 #include <unordered_map>
 #include <vector>
 
@@ -29,6 +31,7 @@ class ObjectReader final : public ClusterSource {
   const ObjectRecord& record() const override { return record_; }
   const ClusterIndex& index() const override { return index_; }
   void Read(std::span<const UnitId> units, std::shared_ptr<PayloadReceiver> receiver) override;
+  Result<Bytes> ReadTexturePage(uint32_t page, uint64_t offset, uint64_t bytes) override;
   bool answers_at_once() const override { return true; }
   uint64_t bytes_read() const override { return environment_->file().bytes_read(); }
 
@@ -41,7 +44,10 @@ class ObjectReader final : public ClusterSource {
     std::unordered_map<uint32_t, ValueRef> values;
   };
 
-  Result<Bytes> ReadProven(UnitId unit, Snapshot* snapshot);
+  // What proves itself by its checksum.
+  using ReadProof = std::function<Result<Bytes>(const Snapshot&)>;
+  Result<Bytes> ReadProven(const ReadProof& read, Snapshot* snapshot);
+  Result<Bytes> ReadParts(uint32_t page, uint64_t offset, uint64_t bytes);
   Result<Bytes> ReadOne(const Snapshot& snapshot, UnitId unit);
   Result<ValueRef> FindValue(const Snapshot& snapshot, uint32_t value);
   // What to say of `failure`, which a snapshot that holds gave: that the object was removed, or
@@ -57,6 +63,10 @@ class ObjectReader final : public ClusterSource {
   Resolved resolved_;
   std::optional<Snapshot> pinned_;
 };
+
+// A part of a page's file, after its checksum has been verified. `where` names the object.
+Result<Bytes> ReadTexturePart(const Snapshot& snapshot, const ObjectRecord& record, uint32_t page,
+                              uint32_t part, const std::string& where);
 
 // The payload at `location` of `value`, after its checksum has been verified.
 Result<Bytes> ReadPayload(const PageReader& pages, const ValueRef& value,

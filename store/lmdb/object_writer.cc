@@ -71,7 +71,10 @@ StoreObjectWriter::StoreObjectWriter(std::shared_ptr<Environment> environment, s
       replace_(replace),
       id_(reserved.first),
       name_lock_(std::move(name_lock)),
-      id_lock_(std::move(reserved.second)) {}
+      id_lock_(std::move(reserved.second)),
+      textures_(name_, [this](uint32_t page, uint32_t part, const Bytes& bytes) {
+        return QueueTexturePart(page, part, bytes);
+      }) {}
 
 StoreObjectWriter::~StoreObjectWriter() {
   if (published_ || !begun_) return;
@@ -136,6 +139,16 @@ Result<UnitId> StoreObjectWriter::Add(const UnitEntry& entry, std::span<const Un
     MTDB_RETURN_IF_ERROR(PackUnits(false));
     return id;
   });
+}
+
+Status StoreObjectWriter::AddTexturePage(uint32_t page, ByteSpan part) {
+  return CatchOutOfMemory([&] { return textures_.Add(page, part); });
+}
+
+Status StoreObjectWriter::QueueTexturePart(uint32_t page, uint32_t part, const Bytes& bytes) {
+  Bytes key = TextureKey(id_, page, part);
+  Bytes value = SealValue(Table::kTextures, key, bytes);
+  return Queue(Table::kTextures, std::move(key), std::move(value));
 }
 
 Status StoreObjectWriter::PackUnits(bool last) {
@@ -229,6 +242,8 @@ Result<ObjectRecord> StoreObjectWriter::Publish(const ObjectRecord& input,
                              std::to_string(index_.cluster_count()) + " and " +
                              std::to_string(index_.root_piece_count()) + " were added");
     }
+    MTDB_RETURN_IF_ERROR(textures_.Finish());
+    MTDB_RETURN_IF_ERROR(textures_.Check(record));
     MTDB_RETURN_IF_ERROR(QueueIndex());
     digest_.AddRecord(record);
     record.payload_bytes = payload_bytes_;

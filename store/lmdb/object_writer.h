@@ -10,6 +10,7 @@
 
 #include "store/lmdb/builder_lock.h"
 #include "store/lmdb/environment.h"
+#include "store/lmdb/texture_parts.h"
 #include "store/object_writer.h"
 #include "store/records/object_digest.h"
 
@@ -23,6 +24,7 @@ class StoreObjectWriter final : public ObjectWriter {
 
   Result<UnitId> Add(const UnitEntry& entry, std::span<const UnitId> children,
                      ByteSpan payload) override;
+  Status AddTexturePage(uint32_t page, ByteSpan part) override;
   Result<ObjectRecord> Publish(const ObjectRecord& record,
                                const BeforePublish& before = {}) override;
 
@@ -46,6 +48,7 @@ class StoreObjectWriter final : public ObjectWriter {
   Status CheckChildren(std::span<const UnitId> children, uint32_t below) const;
   Status PackUnits(bool last);
   Status QueueIndex();
+  Status QueueTexturePart(uint32_t page, uint32_t part, const Bytes& bytes);
   Status Queue(Table table, Bytes key, Bytes value);
   Status PutQueue(WriteTransaction& write) const;
   Status WriteQueue();
@@ -77,6 +80,7 @@ class StoreObjectWriter final : public ObjectWriter {
   uint64_t overflow_bytes_ = 0;
   uint64_t node_bytes_ = 0;
   ObjectDigest digest_;
+  TextureParts textures_;
 };
 
 }  // namespace mtdb::internal

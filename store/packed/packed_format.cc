@@ -7,6 +7,7 @@
 
 #include "store/records/index_row.h"
 #include "store/records/keys.h"
+#include "store/texture_pages.h"
 
 namespace mtdb::internal {
 namespace {
@@ -45,9 +46,14 @@ class DirectoryReader {
       return Bad("object " + object.record.name, "does not lie behind the one before");
     }
     object.end = start + object.record.stored_bytes;
+    const uint64_t texture_bytes = TextureBytes(object.record);
+    if (texture_bytes > object.record.stored_bytes) {
+      return Bad("object " + object.record.name, "its texture is larger than the object");
+    }
+    object.textures = object.end - texture_bytes;
     const uint64_t units = uint64_t{object.record.clusters} + object.record.root_pieces;
     if (rows == 0 || rows > kMaxRowsPerPage || units == 0 || units >= kNone32 ||
-        object.first_bytes > object.end - start) {
+        object.first_bytes > object.textures - start) {
       return Bad("object " + object.record.name, "impossible numbers");
     }
     object.rows_per_page = static_cast<uint32_t>(rows);
@@ -78,10 +84,10 @@ class DirectoryReader {
       page.error_code_max = r_.Get<uint8_t>();
       const bool bounded = ReadBounds(previous_min, &page.bounds);
       previous_min = page.bounds.min;
-      if (r_.failed() || !bounded || page.offset < object->start || page.offset > object->end ||
-          bytes > object->end - page.offset || bytes > kMaxPageBytes ||
-          bytes < kMinRowBytes * object->rows(p) || page.error_code_min > page.error_code_max ||
-          page.nodes > object->record.nodes) {
+      if (r_.failed() || !bounded || page.offset < object->start ||
+          page.offset > object->textures || bytes > object->textures - page.offset ||
+          bytes > kMaxPageBytes || bytes < kMinRowBytes * object->rows(p) ||
+          page.error_code_min > page.error_code_max || page.nodes > object->record.nodes) {
         return Bad("object " + object->record.name, "page " + std::to_string(p) + " is impossible");
       }
       page.bytes = static_cast<uint32_t>(bytes);
@@ -133,7 +139,8 @@ PackedRow DecodeRow(const PackedObject& object, UnitId unit, const UnitEntry& pr
   row.bytes = r->GetLength();
   row.checksum = r->GetChecksum();
   row.offset = (flags & kGivenOffset) != 0 ? r->GetOffset() : *end;
-  if (row.offset < object.start || row.offset > object.end || row.bytes > object.end - row.offset) {
+  if (row.offset < object.start || row.offset > object.textures ||
+      row.bytes > object.textures - row.offset) {
     r->Fail("offset of the payload", row.offset);
   }
   *end = row.offset + row.bytes;

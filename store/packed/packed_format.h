@@ -51,7 +51,8 @@ struct PackedPage {
 struct PackedObject {
   ObjectRecord record;
   uint64_t start = 0;
-  uint64_t end = 0;  // derived
+  uint64_t end = 0;       // derived
+  uint64_t textures = 0;  // derived: where pages and payloads end, and files of its texture begin
   uint64_t first_bytes = 0;
   uint32_t rows_per_page = 1;
   std::vector<PackedPage> pages;

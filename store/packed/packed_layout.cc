@@ -9,6 +9,8 @@
 
 #include "store/base/hash.h"
 #include "store/carriers/url_carriers.h"
+#include "store/records/page_parts.h"
+#include "store/texture_pages.h"
 
 namespace mtdb::internal {
 
@@ -17,6 +19,8 @@ namespace {
 constexpr uint32_t kLeastRowsPerPage = 64;
 constexpr uint32_t kMostPages = 512;
 constexpr size_t kUnitsAtOnce = 64;
+// Whole values of a store, so that no byte is read twice.
+constexpr uint64_t kTextureBytesAtOnce = 4 * uint64_t{kPagePartBytes};
 
 std::string HexOf(uint64_t value) {
   std::string hex(16, '0');
@@ -45,6 +49,7 @@ Status PackedLayout::Arrange() {
     }
   }
   OrderItems();
+  AddTextureParts();
   uint64_t bytes = 0;
   offsets_.resize(index_.unit_count());
   for (uint32_t p = 0; p < object_.pages.size(); ++p) {
@@ -53,6 +58,7 @@ Status PackedLayout::Arrange() {
     bytes += object_.pages[p].bytes;
   }
   for (UnitId u = 0; u < index_.unit_count(); ++u) bytes += index_.location(u).length;
+  bytes += TextureBytes(object_.record);
   object_.record.stored_bytes = bytes;
   return Status::Ok();
 }
@@ -62,13 +68,15 @@ void PackedLayout::Place(uint64_t start, uint64_t picture_end) {
   uint64_t at = start;
   uint32_t pieces_left = index_.root_piece_count();
   for (const Item& item : items_) {
-    if (item.is_page) {
-      object_.pages[item.id].offset = at;
-    } else {
-      offsets_[item.id] = at;
+    switch (item.kind) {
+      case Item::Kind::kPage: object_.pages[item.id].offset = at; break;
+      case Item::Kind::kPayload: offsets_[item.id] = at; break;
+      case Item::Kind::kTexture: texture_parts_[item.id].offset = at; break;
     }
     at += BytesOf(item);
-    const bool is_piece = !item.is_page && item.id >= index_.cluster_count();
+    if (item.kind == Item::Kind::kTexture) continue;
+    object_.textures = at;
+    const bool is_piece = item.kind == Item::Kind::kPayload && item.id >= index_.cluster_count();
     if (pieces_left > 0 || at <= picture_end) object_.first_bytes = at - start;
     if (is_piece) --pieces_left;
   }
@@ -79,7 +87,13 @@ void PackedLayout::Place(uint64_t start, uint64_t picture_end) {
 }
 
 Status PackedLayout::Write(const AppendBytes& append) const {
-  return WriteItems(0, items_.size(), append);
+  MTDB_RETURN_IF_ERROR(WriteItems(0, items_.size() - texture_parts_.size(), append));
+  if (!object_.record.texture) return Status::Ok();
+  // Whole files are checked, which parts of them cannot be.
+  for (uint32_t page = 0; page < object_.record.texture->pages.size(); ++page) {
+    MTDB_RETURN_IF_ERROR(ReadTexturePage(source_, page, append));
+  }
+  return Status::Ok();
 }
 
 Status PackedLayout::Read(ByteRange range, Bytes* bytes) const {
@@ -103,13 +117,21 @@ Status PackedLayout::Read(ByteRange range, Bytes* bytes) const {
 
 Status PackedLayout::WriteItems(size_t begin, size_t end, const AppendBytes& append) const {
   for (size_t i = begin; i < end;) {
-    if (items_[i].is_page) {
+    if (items_[i].kind == Item::Kind::kPage) {
       MTDB_RETURN_IF_ERROR(append(EncodePage(items_[i].id)));
       ++i;
       continue;
     }
+    if (items_[i].kind == Item::Kind::kTexture) {
+      const TexturePart& part = texture_parts_[items_[i].id];
+      MTDB_ASSIGN_OR_RETURN(const Bytes bytes,
+                            source_.ReadTexturePage(part.page, part.begin, part.bytes));
+      MTDB_RETURN_IF_ERROR(append(bytes));
+      ++i;
+      continue;
+    }
     std::vector<UnitId> units;
-    for (; i < end && !items_[i].is_page && units.size() < kUnitsAtOnce; ++i) {
+    for (; i < end && items_[i].kind == Item::Kind::kPayload && units.size() < kUnitsAtOnce; ++i) {
       if (!units.empty() && items_[i].id != units.back() + 1) break;  // the next round
       units.push_back(items_[i].id);
     }
@@ -132,16 +154,28 @@ void PackedLayout::OrderItems() {
       for (const UnitId p : index_.parents(u)) need(p);
       for (const UnitId c : index_.children(u)) need(c);
       for (const uint32_t page : needed) {
-        items_.push_back({true, page});
+        items_.push_back({Item::Kind::kPage, page});
         placed[page] = true;
       }
       if (!needed.empty() || u == begin) gaps_.push_back(u);
       needed.clear();
-      items_.push_back({false, u});
+      items_.push_back({Item::Kind::kPayload, u});
     }
     end = begin;
   }
   std::ranges::sort(gaps_);
+}
+
+void PackedLayout::AddTextureParts() {
+  if (!object_.record.texture) return;
+  const std::vector<TextureRecord::Page>& pages = object_.record.texture->pages;
+  for (uint32_t p = 0; p < pages.size(); ++p) {
+    for (uint64_t begin = 0; begin < pages[p].bytes; begin += kTextureBytesAtOnce) {
+      items_.push_back({Item::Kind::kTexture, static_cast<uint32_t>(texture_parts_.size())});
+      const uint64_t bytes = std::min(kTextureBytesAtOnce, pages[p].bytes - begin);
+      texture_parts_.push_back({p, static_cast<uint32_t>(bytes), begin, 0});
+    }
+  }
 }
 
 void PackedLayout::Describe(uint32_t page_number) {
@@ -166,11 +200,21 @@ Bytes PackedLayout::EncodePage(uint32_t page) const {
 }
 
 uint64_t PackedLayout::BytesOf(const Item& item) const {
-  return item.is_page ? object_.pages[item.id].bytes : index_.location(item.id).length;
+  switch (item.kind) {
+    case Item::Kind::kPage: return object_.pages[item.id].bytes;
+    case Item::Kind::kPayload: return index_.location(item.id).length;
+    case Item::Kind::kTexture: break;
+  }
+  return texture_parts_[item.id].bytes;
 }
 
 uint64_t PackedLayout::OffsetOf(const Item& item) const {
-  return item.is_page ? object_.pages[item.id].offset : offsets_[item.id];
+  switch (item.kind) {
+    case Item::Kind::kPage: return object_.pages[item.id].offset;
+    case Item::Kind::kPayload: return offsets_[item.id];
+    case Item::Kind::kTexture: break;
+  }
+  return texture_parts_[item.id].offset;
 }
 
 // Answers may come in any order.

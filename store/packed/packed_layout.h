@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The order and the places of an object's pages and payloads in a packed file. Layout in
+// The order and the places of an object's pages, payloads and textures in a packed file. Layout in
 // store/FORMAT.md, "The packed file".
 #pragma once
 
@@ -36,12 +36,20 @@ class PackedLayout {
   const PackedObject& object() const { return object_; }
 
  private:
-  // What lies in the file: a page, or the payload of a unit.
+  // What lies in the file: a page, the payload of a unit, or a part of a file of the texture.
   struct Item {
-    bool is_page = false;
+    enum class Kind : uint8_t { kPage, kPayload, kTexture };
+    Kind kind = Kind::kPage;
     uint32_t id = 0;
   };
+  struct TexturePart {
+    uint32_t page = 0;  // of the texture
+    uint32_t bytes = 0;
+    uint64_t begin = 0;   // in its file
+    uint64_t offset = 0;  // in the packed file
+  };
   void OrderItems();
+  void AddTextureParts();
   void Describe(uint32_t page_number);
   Bytes EncodePage(uint32_t page) const;
   uint64_t BytesOf(const Item& item) const;
@@ -54,7 +62,8 @@ class PackedLayout {
   const ClusterIndex& index_;
   PackedObject object_;
   std::vector<Item> items_;
-  std::vector<UnitId> gaps_;  // units whose payloads do not follow those before
+  std::vector<TexturePart> texture_parts_;  // the last items
+  std::vector<UnitId> gaps_;                // units whose payloads do not follow those before
   std::vector<uint64_t> offsets_;
 };
 

@@ -4,10 +4,12 @@
 #include <algorithm>
 #include <utility>
 
+#include "store/base/hash.h"
 #include "store/base/out_of_memory.h"
 #include "store/carriers/url_carriers.h"
 #include "store/records/keys.h"
 #include "store/records/no_such_object.h"
+#include "store/records/page_parts.h"
 
 namespace mtdb::internal {
 
@@ -17,8 +19,8 @@ namespace {
 template <typename Take>
 Status ReadChecked(RangeReader& ranges, ByteRange range, Take&& take) {
   for (bool again = false;; again = true) {
-    MTDB_ASSIGN_OR_RETURN(const Bytes bytes, ReadRange(ranges, range));
-    const Status status = take(ByteSpan(bytes));
+    MTDB_ASSIGN_OR_RETURN(Bytes bytes, ReadRange(ranges, range));
+    const Status status = take(std::move(bytes));
     if (status.code() != StatusCode::kCorrupt || !ranges.Forget(range) || again) return status;
   }
 }
@@ -366,6 +368,27 @@ void PackedSource::Cancel(const PayloadReceiver& receiver) {
     });
   }
   for (const RangeReader::Ticket ticket : tickets) file_->ranges().Cancel(ticket);
+}
+
+Result<Bytes> PackedSource::ReadTexturePage(uint32_t page, uint64_t offset, uint64_t bytes) {
+  return CatchOutOfMemory([&]() -> Result<Bytes> {
+    MTDB_RETURN_IF_ERROR(CheckPageRange(object_.record, page, offset, bytes, place_));
+    if (bytes == 0) return Bytes();
+    const std::vector<TextureRecord::Page>& pages = object_.record.texture->pages;
+    ByteRange range{object_.textures + offset, bytes};
+    for (uint32_t p = 0; p < page; ++p) range.offset += pages[p].bytes;
+    Bytes read;
+    const Status status = ReadChecked(file_->ranges(), range, [&](Bytes came) {
+      read = std::move(came);
+      if (bytes < pages[page].bytes) return Status::Ok();
+      return CheckPageChecksum(object_.record, page, Hash64(read), place_);
+    });
+    if (status.ok()) return read;
+    if (status.message().starts_with(place_)) return status;
+    // The carrier's own message names the file.
+    return Status(status.code(), status.message() + " (object " + object_.record.name + ": " +
+                                     PageLabel(object_.record, page) + ")");
+  });
 }
 
 }  // namespace mtdb::internal

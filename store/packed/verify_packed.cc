@@ -11,6 +11,7 @@
 #include "store/records/keys.h"
 #include "store/records/object_digest.h"
 #include "store/records/value_packing.h"
+#include "store/texture_pages.h"
 
 namespace mtdb::internal {
 namespace {
@@ -67,6 +68,10 @@ class PackedVerifier {
   void Fail(std::string message) {
     if (report_->failures.size() < kMaxFailures) report_->failures.push_back(std::move(message));
   }
+  Status Go() const {
+    if (!stopped_ || !stopped_()) return Status::Ok();
+    return {StatusCode::kCancelled, name_ + ": the check was cancelled"};
+  }
   // What the file itself is not to blame for ends the check.
   Status Judge(const Status& status) {
     if (status.ok()) return status;
@@ -85,6 +90,7 @@ class PackedVerifier {
     CheckPlaces(object, index);
     ObjectDigest digest;
     MTDB_ASSIGN_OR_RETURN(const bool whole, CheckPayloads(**source, object, &digest));
+    MTDB_RETURN_IF_ERROR(CheckTexture(**source));
     report_->checks.push_back(label + ": checksums of " + std::to_string(object.pages.size()) +
                               " index pages, " + std::to_string(object.record.clusters) +
                               " clusters and " + std::to_string(object.record.root_pieces) +
@@ -110,7 +116,7 @@ class PackedVerifier {
       if (offset != end) break;
       end += bytes;
     }
-    if (twice || end != object.end) {
+    if (twice || end != object.textures) {
       Fail(place + "pages and payloads overlap or leave gaps at byte " + std::to_string(end));
     }
     for (UnitId u = 0; u < index.unit_count(); ++u) {
@@ -151,9 +157,7 @@ class PackedVerifier {
       return Status::Ok();
     };
     for (size_t i = 0; i < order.size(); i += kUnitsAtOnce) {
-      if (stopped_ && stopped_()) {
-        return Status(StatusCode::kCancelled, name_ + ": the check was cancelled");
-      }
+      MTDB_RETURN_IF_ERROR(Go());
       const auto batch = std::span(order).subspan(i, std::min(kUnitsAtOnce, order.size() - i));
       if (read(batch).ok()) continue;
       for (const UnitId& u : batch) {  // which of them?
@@ -168,6 +172,19 @@ class PackedVerifier {
            std::to_string(payload_bytes));
     }
     return whole;
+  }
+
+  Status CheckTexture(ClusterSource& source) {
+    const ObjectRecord& record = source.record();
+    if (!record.texture) return Status::Ok();
+    const auto pages = static_cast<uint32_t>(record.texture->pages.size());
+    for (uint32_t page = 0; page < pages; ++page) {
+      const Status status = ReadTexturePage(source, page, [&](ByteSpan) { return Go(); });
+      MTDB_RETURN_IF_ERROR(Judge(status));
+    }
+    report_->checks.push_back(record.name + ": checksums of " + std::to_string(pages) +
+                              " pages of its texture");
+    return Status::Ok();
   }
 
   void CheckDigest(const PackedObject& object, const ClusterIndex& packed, ObjectDigest digest) {

@@ -56,6 +56,14 @@ Bytes IndexKey(ObjectId id, uint32_t first_row) {
   return w.Take();
 }
 
+Bytes TextureKey(ObjectId id, uint32_t page, uint32_t part) {
+  ByteWriter w;
+  w.PutBigEndian(id.value);
+  w.PutBigEndian(page);
+  w.PutBigEndian(part);
+  return w.Take();
+}
+
 Bytes ObjectPrefix(ObjectId id) {
   ByteWriter w;
   w.PutBigEndian(id.value);
@@ -67,7 +75,8 @@ uint64_t UnitSeed(UnitId unit, uint8_t round, uint64_t hilbert) {
 }
 
 uint64_t ValueSeed(Table table, ByteSpan key) {
-  return MixAll(table == Table::kCatalog ? 'K' : 'I', Hash64(key));
+  const char letter = table == Table::kCatalog ? 'K' : table == Table::kTextures ? 'T' : 'I';
+  return MixAll(letter, Hash64(key));
 }
 
 Bytes SealValue(Table table, ByteSpan key, ByteSpan body) {

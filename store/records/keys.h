@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Keys of the three tables, which share one tree, and the checksum seeds that tie a value to its
+// Keys of the four tables, which share one tree, and the checksum seeds that tie a value to its
 // key. See store/FORMAT.md.
 #pragma once
 
@@ -14,8 +14,10 @@
 
 namespace mtdb::internal {
 
-enum class Table : uint8_t { kCatalog = 0, kUnits = 1, kIndex = 2 };
-inline constexpr std::array<const char*, 3> kTableNames = {"catalog", "units", "index"};
+enum class Table : uint8_t { kCatalog = 0, kUnits = 1, kIndex = 2, kTextures = 3 };
+inline constexpr std::array<const char*, 4> kTableNames = {"catalog", "units", "index", "textures"};
+// Those whose keys begin with an object's id.
+inline constexpr std::array kObjectTables = {Table::kUnits, Table::kIndex, Table::kTextures};
 inline constexpr size_t kTables = kTableNames.size();
 
 enum class CatalogKind : uint8_t { kSuperblock = 0, kBuilding = 1, kGarbage = 2, kObject = 3 };
@@ -26,6 +28,7 @@ inline constexpr uint32_t kIndexRowsPerValue = 512;
 
 inline constexpr size_t kUnitKeyBytes = 21;
 inline constexpr size_t kIndexKeyBytes = 12;
+inline constexpr size_t kTextureKeyBytes = 16;
 
 // The key in the tree: the table's byte, then the key in the table.
 Bytes TreeKey(Table table, ByteSpan key);
@@ -36,7 +39,8 @@ Bytes GarbageKey(ObjectId id);
 Bytes ObjectKey(const std::string& name);
 Bytes UnitKey(ObjectId id, uint8_t round, uint64_t hilbert, uint32_t sequence);
 Bytes IndexKey(ObjectId id, uint32_t first_row);
-// The first 8 bytes of an object's keys in the tables units and index.
+Bytes TextureKey(ObjectId id, uint32_t page, uint32_t part);
+// The first 8 bytes of an object's keys in kObjectTables.
 Bytes ObjectPrefix(ObjectId id);
 
 // Mix(a, b, c, ...) of the format.
@@ -49,7 +53,7 @@ constexpr uint64_t MixAll(uint64_t first, Rest... rest) {
 
 // Of payloads. Free of the object's id, as the whole index is.
 uint64_t UnitSeed(UnitId unit, uint8_t round, uint64_t hilbert);
-// Values of the tables catalog and index.
+// Values of the tables catalog, index and textures.
 uint64_t ValueSeed(Table table, ByteSpan key);
 
 // checksum, body.

@@ -52,4 +52,15 @@ Status CheckObjectName(const std::string& name) {
   return Status::Ok();
 }
 
+Status CheckPageName(const std::string& name) {
+  constexpr size_t kMostBytes = 255;
+  if (!name.empty() && name.size() <= kMostBytes && name != "." && name != ".." &&
+      name.find_first_of("/\\") == std::string::npos && !FirstBadByte(name)) {
+    return Status::Ok();
+  }
+  return InvalidArgument(
+      "name of a page: expected 1 to " + std::to_string(kMostBytes) +
+      " bytes of UTF-8 that name a file in a folder, without control characters");
+}
+
 }  // namespace mtdb

@@ -1,13 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "store/object_record.h"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstdio>
 #include <limits>
 
 #include "store/base/attribute_layout.h"
+#include "store/base/texture.h"
+#include "store/object_name.h"
 #include "store/records/keys.h"
+#include "store/texture_pages.h"
 
 namespace mtdb {
 
@@ -17,6 +21,7 @@ namespace {
 
 constexpr uint16_t kRecordVersion = 1;
 constexpr uint8_t kMustUnderstand = 0x80;
+constexpr size_t kMostMediaTypeBytes = 255;
 
 enum Tag : uint8_t {
   kIdentity = 0x81,
@@ -33,6 +38,7 @@ enum Tag : uint8_t {
   kView = 0x0c,
   kSheets = 0x8d,
   kOrientation = 0x0e,
+  kTexture = 0x8f,
 };
 constexpr uint16_t kSections = 10;  // of every object
 
@@ -390,6 +396,57 @@ void GetOrientation(RecordReader* r, ObjectRecord* o) {
   o->input.unorientable_sheets = r->Get64();
 }
 
+ByteWriter PutTexture(const ObjectRecord& o) {
+  const TextureRecord& t = *o.texture;
+  ByteWriter w;
+  for (const double v : {t.step, t.scale, t.rounding}) w.Put(v);
+  w.PutVarint(t.pages.size());
+  for (const TextureRecord::Page& page : t.pages) {
+    w.PutString(page.name);
+    w.PutString(page.media_type);
+    for (const uint64_t v : {uint64_t{page.width}, uint64_t{page.height}, page.bytes}) {
+      w.PutVarint(v);
+    }
+    w.Put(page.checksum);
+  }
+  return w;
+}
+// What readers make of it, and call files.
+void CheckPage(const TextureRecord::Page& page, RecordReader* r) {
+  if (const Status name = CheckPageName(page.name); !name.ok()) r->Fail(name.message());
+  if (page.media_type.size() > kMostMediaTypeBytes ||
+      !std::ranges::all_of(page.media_type, [](char c) { return c > ' ' && c <= '~'; })) {
+    r->Fail("texture: expected media types of ASCII letters");
+  }
+  if (page.bytes > kMostPageBytes || (page.bytes == 0 && page.checksum != 0)) {
+    r->Fail("texture: page " + page.name + ": expected up to 2^30 bytes, and no checksum without " +
+            "any, found " + std::to_string(page.bytes));
+  }
+}
+constexpr size_t kMinPageBytes = 14;
+void GetTexture(RecordReader* r, ObjectRecord* o) {
+  TextureRecord& t = o->texture.emplace();
+  for (double* v : {&t.step, &t.scale, &t.rounding}) {
+    *v = r->GetFinite("texture");
+    if (r->ok() && *v < 0) r->Fail("texture: expected numbers that are not negative");
+  }
+  const uint64_t count = r->Get64();
+  if (!r->Fits(count, kMinPageBytes, "pages")) return;
+  if (count > kMostPages) r->Fail("texture: " + std::to_string(count) + " pages");
+  if (!r->ok()) return;
+  t.pages.assign(count, {});
+  for (TextureRecord::Page& page : t.pages) {
+    page.name = r->GetString();
+    page.media_type = r->GetString();
+    page.width = r->Get32("width of a page");
+    page.height = r->Get32("height of a page");
+    page.bytes = r->Get64();
+    page.checksum = r->Get<uint64_t>();
+    if (!r->ok()) return;
+    CheckPage(page, r);
+  }
+}
+
 struct SectionCodec {
   Tag tag;
   ByteWriter (*put)(const ObjectRecord&);
@@ -413,7 +470,8 @@ constexpr SectionCodec kCodecs[kSections] = {
 constexpr std::array kMoreCodecs = {SectionCodec{kRaster, PutRaster, GetRaster},
                                     SectionCodec{kView, PutView, GetView},
                                     SectionCodec{kSheets, PutSheets, GetSheets},
-                                    SectionCodec{kOrientation, PutOrientation, GetOrientation}};
+                                    SectionCodec{kOrientation, PutOrientation, GetOrientation},
+                                    SectionCodec{kTexture, PutTexture, GetTexture}};
 
 }  // namespace
 
@@ -438,12 +496,13 @@ Bytes EncodeObjectRecord(const ObjectRecord& record) {
                            record.input.turned_triangles != 0 ||
                            record.input.unorientable_sheets != 0;
   w.Put(static_cast<uint16_t>(kSections + (record.raster ? 1 : 0) + (record.up ? 1 : 0) +
-                              (sheets ? 1 : 0) + (orientation ? 1 : 0)));
+                              (sheets ? 1 : 0) + (orientation ? 1 : 0) + (record.texture ? 1 : 0)));
   for (const SectionCodec& codec : kCodecs) PutSection(codec.tag, codec.put(record), &w);
   if (record.raster) PutSection(kRaster, PutRaster(record), &w);
   if (record.up) PutSection(kView, PutView(record), &w);
   if (sheets) PutSection(kSheets, PutSheets(record), &w);
   if (orientation) PutSection(kOrientation, PutOrientation(record), &w);
+  if (record.texture) PutSection(kTexture, PutTexture(record), &w);
   return w.Take();
 }
 

@@ -56,7 +56,7 @@ void Rounds::Run(size_t tiles, const std::function<bool(size_t)>& begins_afresh,
     for (const Removal& r : result.removals) removed.push_back(result.vertices[r.vertex]);
     const uint32_t begun = afresh ? round : surface.round;
     TileCluster cluster =
-        MakeTileCluster(tile, {}, result, grid, {}, {over ? 0 : begun, options.surface});
+        MakeTileCluster(tile, {}, result, grid, {}, {}, {over ? 0 : begun, options.surface});
     if (!cluster.empty) REQUIRE(spool->Add(next_, cluster.surface).ok());
     for (TileTriangle& t : cluster.left.triangles) {
       if (t.child == TileCluster::kOwnCluster) t.child = next_;

@@ -73,7 +73,7 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   CheckingSink sink(data[0] >= 128);
   mtdb::MeshReadReport report;
   const bool is_gltf = (data[0] & 0x7f) >= kGltf;
-  const Status status = is_gltf ? mtdb::internal::ReadGltf(**file, sink, &report)
+  const Status status = is_gltf ? mtdb::internal::ReadGltf(**file, {}, sink, &report)
                                 : ReadWith(data[0], **file, sink, &report);
   if (status.ok() && !sink.in_range()) __builtin_trap();
   if (!status.ok() && status.message().empty()) __builtin_trap();

@@ -108,7 +108,7 @@ const std::set<std::string> kHalls{"store", "query", "builder"};
 const std::map<std::string, std::set<std::string>> kPublicHeaders{
     {"store/records",
      {"check_report.h", "cluster_index.h", "cluster_source.h", "metres_of_unit.h", "object_name.h",
-      "object_record.h", "object_writer.h"}},
+      "object_record.h", "object_writer.h", "texture_pages.h"}},
     {"store/carriers", {"open_options.h", "range_reader.h"}},
     {"store/packed", {"packed_file.h"}},
     {"store", {"copy.h", "database.h", "verify_store.h"}},

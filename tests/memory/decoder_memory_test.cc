@@ -446,7 +446,7 @@ TEST_CASE("mesh files take memory by their bytes", "[memory]") {
       meter.Try(Text("ply\nformat ascii 1.0\ncomment " + std::string(1 << 20, 'c')));
     }
     {
-      Meter meter = meter_of(ReadGltf, joins, kGltfFile);
+      Meter meter = meter_of(with_start(ReadGltf), joins, kGltfFile);
       const std::string square =
           R"({"asset":{"version":"2.0"},"buffers":[{"uri":"data:;base64,AAAAAAAAAAAAAAAAAACAPwAA)"
           R"(AAAAAAAAAAAAAAAAgD8AAAAA"}],"bufferViews":[{"buffer":0,"byteLength":36}],)"

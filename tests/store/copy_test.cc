@@ -59,8 +59,8 @@ std::vector<std::string> FilesIn(const TempDir& dir) {
 struct Store {
   TempDir dir;
   std::string path = dir.File("s.mtdb");
-  SyntheticObject a = MakeObject({.seed = 1}), b = MakeObject({.seed = 2, .clusters = 400}),
-                  c = MakeObject({.seed = 3});
+  SyntheticObject a = MakeObject({.seed = 1, .page_bytes = {0, 1, 300000}}),
+                  b = MakeObject({.seed = 2, .clusters = 400}), c = MakeObject({.seed = 3});
   Store() {
     const auto database = OpenWritable(path);
     REQUIRE(WriteObject(*database, "a", a).ok());

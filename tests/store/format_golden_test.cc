@@ -7,6 +7,7 @@
 #include "store/pages/catalog_entry.h"
 #include "store/records/index_codec.h"
 #include "store/records/keys.h"
+#include "store/records/page_parts.h"
 #include "tests/store/store_fixture.h"
 
 namespace mtdb::test {
@@ -75,6 +76,9 @@ std::vector<Example> Examples() {
   const Bytes key = IndexKey(ObjectId{1}, 0);
   all.push_back({"index key", key});
   all.push_back({"index value", SealValue(Table::kIndex, key, EncodeIndexRows(index, 0, 3))});
+  const Bytes texture_key = TextureKey(ObjectId{1}, 2, 0);
+  all.push_back({"texture key", texture_key});
+  all.push_back({"texture value", SealValue(Table::kTextures, texture_key, AsBytes("a picture"))});
   ObjectRecord record;
   record.id = ObjectId{1};
   record.name = std::string("bunny");
@@ -86,6 +90,13 @@ std::vector<Example> Examples() {
   record.root_triangles = 12;
   record.rounds.resize(1);
   all.push_back({"object record", EncodeObjectRecord(record)});
+  record.texture.emplace();
+  record.texture->step = 0.5;
+  record.texture->pages = {{"a.png", "image/png", 640, 480, 9, Hash64(AsBytes("a picture"))}};
+  const Bytes textured = EncodeObjectRecord(record);
+  // The last section: a tag, a length of one byte.
+  const size_t section = 2 + 3 * 8 + 1 + 6 + 10 + 2 + 2 + 1 + 8;
+  all.push_back({"texture of a record", Bytes(textured.end() - section, textured.end())});
   return all;
 }
 
@@ -102,6 +113,9 @@ TEST_CASE("sizes and numbers of the format are pinned", "[store]") {
   CHECK(kSuperblockBytes == 48);
   CHECK(kUnitKeyBytes == UnitKey(ObjectId{1}, 1, 0, 0).size());
   CHECK(kIndexKeyBytes == IndexKey(ObjectId{1}, 0).size());
+  CHECK(kTextureKeyBytes == TextureKey(ObjectId{1}, 0, 0).size());
+  CHECK(OverflowPages(kChecksumBytes + kPagePartBytes, 4096) == 64);
+  CHECK(OverflowPages(kChecksumBytes + kPagePartBytes + 1, 4096) == 65);
   CHECK(kStoreVersion == 1);
   CHECK(MaxNodeBytes(4096) == 2038);
   CHECK(OverflowPages(4080, 4096) == 1);

@@ -8,6 +8,9 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include "store/base/hash.h"
+#include "store/texture_pages.h"
+
 namespace mtdb::test {
 
 TempDir::TempDir() {
@@ -46,6 +49,27 @@ std::vector<UnitId> RandomChildren(std::mt19937_64& random, uint32_t below) {
     if (random() % 8 == 0) children.push_back(c);
   }
   return children;
+}
+
+// Small parts before large ones, an empty one among them.
+Status AddFile(ObjectWriter& writer, uint32_t page, ByteSpan file) {
+  for (size_t size = 0; !file.empty(); size = size * 3 + 1) {
+    const ByteSpan part = file.first(std::min(size, file.size()));
+    MTDB_RETURN_IF_ERROR(writer.AddTexturePage(page, part));
+    file = file.subspan(part.size());
+  }
+  return Status::Ok();
+}
+
+void AddTexture(std::span<const size_t> page_bytes, std::mt19937_64& random, SyntheticObject* o) {
+  if (page_bytes.empty()) return;
+  TextureRecord& texture = o->record.texture.emplace();
+  texture.step = 0.25;
+  for (const size_t bytes : page_bytes) {
+    const Bytes& file = o->files.emplace_back(RandomBytes(random, bytes));
+    texture.pages.push_back({"page" + std::to_string(o->files.size()) + ".jpg", "image/jpeg", 640,
+                             480, bytes, bytes == 0 ? 0 : Hash64(file)});
+  }
 }
 
 }  // namespace
@@ -99,6 +123,7 @@ SyntheticObject MakeObject(const SyntheticOptions& options) {
   o.record.bounds.Add(Vec3d{3, 4, 5});
   o.record.attributes.attributes = {{"red", ScalarType::kUint8}, {"quality", ScalarType::kFloat32}};
   o.record.units = std::string("m");
+  AddTexture(options.page_bytes, random, &o);
   return o;
 }
 
@@ -108,6 +133,9 @@ Result<ObjectRecord> WriteObject(Database& database, const std::string& name,
   for (const auto& u : object.units) {
     const auto id = writer->Add(u.entry, u.children, u.payload);
     if (!id.ok()) return id.status();
+  }
+  for (uint32_t page = 0; page < object.files.size(); ++page) {
+    MTDB_RETURN_IF_ERROR(AddFile(*writer, page, object.files[page]));
   }
   return writer->Publish(object.record);
 }
@@ -131,7 +159,26 @@ Status CompareObject(ClusterSource& source, const SyntheticObject& object) {
     ++received;
     return payload == object.units[id].payload ? Status::Ok() : differs("payload");
   }));
-  return received == ids.size() ? Status::Ok() : differs("number of payloads");
+  if (received != ids.size()) return differs("number of payloads");
+  return CompareFiles(source, object);
+}
+
+Status CompareFiles(ClusterSource& source, const SyntheticObject& object) {
+  const auto differs = [](uint32_t page) {
+    return InvalidArgument("differs: file of page " + std::to_string(page));
+  };
+  for (uint32_t page = 0; page < object.files.size(); ++page) {
+    const Bytes& file = object.files[page];
+    Bytes joined;
+    MTDB_RETURN_IF_ERROR(ReadTexturePage(source, page, [&](ByteSpan part) {
+      joined.insert(joined.end(), part.begin(), part.end());
+      return Status::Ok();
+    }));
+    if (joined != file) return differs(page);
+    MTDB_ASSIGN_OR_RETURN(const Bytes whole, source.ReadTexturePage(page, 0, file.size()));
+    if (whole != file) return differs(page);
+  }
+  return Status::Ok();
 }
 
 std::string VerifyFailures(const std::string& path, const std::string& object) {

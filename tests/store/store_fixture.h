@@ -34,23 +34,27 @@ struct SyntheticObject {
     Bytes payload;
   };
   std::vector<Unit> units;
+  std::vector<Bytes> files;  // of the pages of its texture
   ObjectRecord record;
 };
 
 struct SyntheticOptions {
   uint64_t seed = 1;
-  uint32_t clusters = 40;       // of the finest round; a quarter of it in each further one
-  uint32_t max_payload = 4000;  // bytes
+  uint32_t clusters = 40;               // of the finest round; a quarter of it in each further one
+  uint32_t max_payload = 4000;          // bytes
+  std::vector<size_t> page_bytes = {};  // of the files of its texture; without any, it has none
 };
 
 SyntheticObject MakeObject(const SyntheticOptions& options);
 
-// Create, Add..., Publish.
+// Create, Add..., AddTexturePage..., Publish.
 Result<ObjectRecord> WriteObject(Database& database, const std::string& name,
                                  const SyntheticObject& object, bool replace = false);
 
 // Reads all and compares: ok, an error of the reader, or kInvalidArgument when a payload differs.
 Status CompareObject(ClusterSource& source, const SyntheticObject& object);
+// The same of the files of its texture.
+Status CompareFiles(ClusterSource& source, const SyntheticObject& object);
 
 // Verifies and returns the failures, one a line.
 std::string VerifyFailures(const std::string& path, const std::string& object = "");

@@ -12,6 +12,7 @@
 #include "store/copy.h"
 #include "store/object_name.h"
 #include "store/packed_file.h"
+#include "store/texture_pages.h"
 #include "tools/c/internal/handles.h"
 #include "tools/c/internal/ingest.h"
 #include "tools/c/internal/mesh.h"
@@ -321,8 +322,12 @@ mtdb_code mtdb_pack(mtdb_database* database, const char* const* names, size_t co
     MTDB_ASSIGN_OR_RETURN(const auto sources,
                           mtdb::internal::SourcesOf(*database->database, names, count));
     uint64_t total = 0;
+    uint64_t textures = 0;
     uint64_t done = 0;
-    for (const auto& source : sources) total += source->record().payload_bytes;
+    for (const auto& source : sources) {
+      total += source->record().payload_bytes;
+      textures += mtdb::TextureBytes(source->record());
+    }
     // As `mtdb pack`: others of the file's objects would be lost.
     const std::string kept = count == 0 ? "" : database->database->path();
     MTDB_ASSIGN_OR_RETURN(
@@ -332,8 +337,9 @@ mtdb_code mtdb_pack(mtdb_database* database, const char* const* names, size_t co
         const mtdb::PackReport report,
         mtdb::PackObjects(sources, [&](mtdb::ByteSpan bytes) -> Status {
           done += bytes.size();
-          MTDB_RETURN_IF_ERROR(watcher.Look(
-              "pack", std::min(1.0, static_cast<double>(done) / static_cast<double>(total + 1))));
+          MTDB_RETURN_IF_ERROR(
+              watcher.Look("pack", std::min(1.0, static_cast<double>(done) /
+                                                     static_cast<double>(total + textures + 1))));
           return file->Append(bytes);
         }));
     MTDB_RETURN_IF_ERROR(file->Commit());

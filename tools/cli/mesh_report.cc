@@ -1,9 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tools/cli/mesh_report.h"
 
+#include <array>
+#include <cmath>
 #include <cstdio>
 
+#include "query/heights.h"
+#include "store/metres_of_unit.h"
 #include "tools/cli/grouped.h"
+#include "tools/cli/raster_text.h"
 #include "tools/client/printable.h"
 #include "tools/request/report_json.h"
 #include "tools/request/root_reason.h"
@@ -46,6 +51,58 @@ const char* ReasonName(GridReason reason) {
 }
 
 double Megabytes(uint64_t bytes) { return static_cast<double>(bytes) / 1e6; }
+
+// The raster that the object was, as it came.
+void PrintRaster(const ObjectRecord& r) {
+  const RasterFrame& f = *r.raster;
+  std::printf("  raster       %s\n", RasterSizeText(f).c_str());
+  std::printf("  samples      %s\n", SamplePlacesText(f).c_str());
+  const std::string units = f.height_units.empty() ? "" : " " + Printable(f.height_units);
+  std::printf("  heights      %.9g to %.9g%s, in steps of %.9g", r.bounds.min.z, r.bounds.max.z,
+              units.c_str(), r.grid.step);
+  if (!f.vertical_datum.empty()) std::printf(", datum %s", Printable(f.vertical_datum).c_str());
+  if (f.nodata) std::printf(", nodata was %.9g", *f.nodata);
+  std::printf(", rounded by up to %.6g\n", r.rounding_error);
+  if (f.filled > 0)
+    std::printf("  filled       %s samples that had no height\n", Grouped(f.filled).c_str());
+  const std::array<double, 2> unit = MetresOfUnit(r);
+  if (unit[1] != 1) {
+    std::printf("  a degree     %.6g m along x, %.6g m along y, at the middle\n", unit[0], unit[1]);
+  }
+  std::printf("  crs          %s\n",
+              r.georeference.empty() ? "not known" : Printable(r.georeference).c_str());
+}
+
+// The images that triangles' corners point into.
+void PrintTexture(const TextureRecord& t) {
+  std::printf("  texture      %zu pages, ", t.pages.size());
+  uint64_t bytes = 0;
+  for (const TextureRecord::Page& page : t.pages) bytes += page.bytes;
+  std::printf("%s bytes, step %.6g, rounded by up to %.6g, 1 of u and v counts as %.6g\n",
+              Grouped(bytes).c_str(), t.step, t.rounding, t.scale);
+  constexpr size_t kMostShown = 16;
+  for (size_t i = 0; i < t.pages.size() && i < kMostShown; ++i) {
+    const TextureRecord::Page& page = t.pages[i];
+    std::printf("  page         %s", Printable(page.name).c_str());
+    if (!page.media_type.empty()) std::printf(", %s", Printable(page.media_type).c_str());
+    if (page.width != 0) std::printf(", %u x %u pixels", page.width, page.height);
+    std::printf("%s\n", page.bytes == 0 ? ", which the store has not"
+                                        : (", " + Grouped(page.bytes) + " bytes").c_str());
+  }
+  if (t.pages.size() > kMostShown) {
+    std::printf("  page         and %zu more\n", t.pages.size() - kMostShown);
+  }
+}
+
+// "y", "-z", or the numbers of another vector.
+std::string UpText(Vec3d up) {
+  for (int i = 0; i < 3; ++i) {
+    if (std::fabs(up[i]) > 1 - 1e-9) return std::string(up[i] < 0 ? "-" : "") + "xyz"[i];
+  }
+  char text[100];
+  std::snprintf(text, sizeof(text), "%.6g %.6g %.6g", up.x, up.y, up.z);
+  return text;
+}
 
 }  // namespace
 
@@ -232,6 +289,47 @@ void PrintStages(const BuildReport& report, const ObjectRecord& r) {
     std::printf("  %.3f million triangles per processor second\n",
                 1e-6 * static_cast<double>(r.triangles) / cpu);
   }
+}
+
+void PrintInfo(const ObjectRecord& r) {
+  std::printf("%s\n", r.name.c_str());
+  std::printf("  surface      %s\n", SurfaceText(r).c_str());
+  std::printf("  bounds       %.9g %.9g %.9g to %.9g %.9g %.9g, diagonal %.6g\n", r.bounds.min.x,
+              r.bounds.min.y, r.bounds.min.z, r.bounds.max.x, r.bounds.max.y, r.bounds.max.z,
+              r.diagonal());
+  if (!r.units.empty()) std::printf("  units        %s\n", Printable(r.units).c_str());
+  if (r.up) {
+    std::printf("  up           %s%s\n", UpText(r.up->direction).c_str(),
+                r.up->given    ? ", as ingest was told"
+                : IsTerrain(r) ? ""
+                               : ", found from the shape");
+  }
+  if (r.raster) {
+    PrintRaster(r);
+  } else if (r.grid.mode == PositionMode::kLossless) {
+    std::printf("  positions    float32, lossless\n");
+  } else {
+    std::printf("  positions    %d bits, step %.6g, rounded by up to %.6g\n", r.bits, r.grid.step,
+                r.rounding_error);
+  }
+  if (r.error_measure == ErrorMeasure::kVertical) {
+    std::printf("  errors       vertical: differences in height\n");
+  }
+  for (const VertexAttribute& a : r.attributes.attributes) {
+    std::printf("  attribute    %s", a.name.c_str());
+    if (a.step > 0) std::printf(", step %.6g", a.step);
+    if (a.normal_bits > 0) std::printf(" and the next two: a normal of 2 x %d bits", a.normal_bits);
+    std::printf("\n");
+  }
+  if (r.texture) PrintTexture(*r.texture);
+  std::printf("  MT           %s nodes in %u clusters, depth %u, degree up to %u, %zu rounds\n",
+              Grouped(r.nodes).c_str(), r.clusters, r.depth, r.max_degree, r.rounds.size());
+  std::printf("  root         %s triangles, error up to %.6g\n", Grouped(r.root_triangles).c_str(),
+              r.grid.Error(r.error_code_max));
+  std::printf("               %s\n", RootReasonText(r).c_str());
+  std::printf("  size         %s bytes, %.2f bits per vertex%s\n", Grouped(r.stored_bytes).c_str(),
+              BitsPerVertex(r), r.texture ? " without the pages" : "");
+  std::printf("  digest       %s\n", r.digest_hex().c_str());
 }
 
 }  // namespace mtdb

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // What is said of a mesh's survey: the accuracy that an ingest takes, what it costs, and what it
-// loses.
+// loses; and of an object that is stored.
 #pragma once
 
 #include <string>
@@ -21,7 +21,9 @@ void PrintSurvey(const std::string& name, const MeshSurvey& survey);
 Json SurveyJson(const MeshSurvey& survey);
 // Prints what each round and each stage of an ingest did, and took.
 void PrintStages(const BuildReport& report, const ObjectRecord& r);
-// The part of it that an ingest reports.
+// Prints what a record says of an object.
+void PrintInfo(const ObjectRecord& r);
+// The part of SurveyJson that an ingest reports.
 Json AccuracyJson(const MeshSurvey& survey);
 
 }  // namespace mtdb

@@ -10,6 +10,7 @@
 #include "query/heights.h"
 #include "store/base/redact.h"
 #include "store/base/scalar_names.h"
+#include "store/texture_pages.h"
 #include "tools/request/root_reason.h"
 
 namespace mtdb {
@@ -71,6 +72,18 @@ Json InputJson(const InputReport& in) {
           {"unorientable_sheets", in.unorientable_sheets}};
 }
 
+Json TextureJson(const TextureRecord& t) {
+  Json pages = Json::Array();
+  for (const TextureRecord::Page& page : t.pages) {
+    pages.push_back({{"name", page.name},
+                     {"media_type", page.media_type},
+                     {"width", page.width},
+                     {"height", page.height},
+                     {"bytes", page.bytes}});
+  }
+  return {{"step", t.step}, {"scale", t.scale}, {"rounding", t.rounding}, {"pages", pages}};
+}
+
 Json RoundsJson(const ObjectRecord& r) {
   Json rounds = Json::Array();
   for (const RoundReport& round : r.rounds) {
@@ -88,6 +101,12 @@ Json RoundsJson(const ObjectRecord& r) {
 }
 
 }  // namespace
+
+double BitsPerVertex(const ObjectRecord& r) {
+  if (r.vertices == 0) return 0;
+  const uint64_t bytes = r.stored_bytes - std::min(r.stored_bytes, TextureBytes(r));
+  return 8.0 * static_cast<double>(bytes) / static_cast<double>(r.vertices);
+}
 
 Json RasterJson(const RasterFrame& f, const std::string& crs) {
   Json json = {{"columns", f.columns},
@@ -138,12 +157,11 @@ Json RecordJson(const ObjectRecord& r, uint64_t file_bytes) {
       {"file_bytes", file_bytes},
       {"stored_bytes", r.stored_bytes},
       {"payload_bytes", r.payload_bytes},
-      {"bits_per_vertex", r.vertices == 0 ? 0.0
-                                          : 8.0 * static_cast<double>(r.stored_bytes) /
-                                                static_cast<double>(r.vertices)},
+      {"bits_per_vertex", BitsPerVertex(r)},
       {"error_max", r.grid.Error(r.error_code_max)},
       {"units", r.units},
   };
+  if (r.texture) json["texture"] = TextureJson(*r.texture);
   if (r.up) {
     json["up"] = Json(r.up->direction);
     json["up_given"] = r.up->given;

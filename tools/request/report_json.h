@@ -18,6 +18,8 @@ namespace mtdb {
 
 // One object of `info`. `file_bytes` is the whole store's.
 Json RecordJson(const ObjectRecord& record, uint64_t file_bytes);
+// Of what is stored, without the images of a texture. 0 without vertices.
+double BitsPerVertex(const ObjectRecord& record);
 // Where a raster's samples lie.
 Json RasterJson(const RasterFrame& frame, const std::string& crs);
 // All objects, as `list` has them.

@@ -28,6 +28,10 @@ inline constexpr uint8_t kKnownFlags =
 EncodedCluster EncodeCluster(const ClusterUpdates& updates, const AttributeLayout& attributes,
                              ClusterModels& models, ModelObserver* observer);
 
+// DecodeCluster, but for corners of texture, whose streams are not looked at.
+Result<Cluster> DecodeWithoutCorners(ByteSpan payload, InPatch in,
+                                     const AttributeLayout& attributes, uint32_t node_limit);
+
 // A payload has at least so many bytes, padding included: a bound on the memory that hostile bytes
 // can ask for.
 constexpr uint64_t LeastPayloadBytes(uint64_t nodes, size_t row_bytes) {

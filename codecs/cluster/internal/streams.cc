@@ -54,6 +54,8 @@ const char* StreamTagName(StreamTag tag) {
     case StreamTag::kRootTriangles: return "root_triangles";
     case StreamTag::kTwoSided: return "two_sided";
     case StreamTag::kCrumbs: return "crumbs";
+    case StreamTag::kCorners: return "corners";
+    case StreamTag::kSeams: return "seams";
     case StreamTag::kAttributes: return "attributes";
     case StreamTag::kPadding: return "padding";
   }

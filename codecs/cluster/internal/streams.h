@@ -26,6 +26,8 @@ enum class StreamTag : uint8_t {
   kRootTriangles = 0x87,
   kTwoSided = 0x88,
   kCrumbs = 0x89,
+  kCorners = 0x8a,
+  kSeams = 0x8b,
   kAttributes = 0x10,
   kPadding = 0x11,
 };

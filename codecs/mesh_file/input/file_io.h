@@ -27,6 +27,10 @@ class InputFile {
   // A copy of the descriptor of a file that is still being written, as if it had so many bytes.
   static Result<std::unique_ptr<InputFile>> Growing(int descriptor, const std::string& path,
                                                     uint64_t size_bytes);
+  // The same file, for somebody who may outlive this. Its reads call nobody.
+  Result<std::unique_ptr<InputFile>> Copy() const {
+    return Growing(descriptor_, path_, size_bytes_);
+  }
   ~InputFile();
   InputFile(const InputFile&) = delete;
   InputFile& operator=(const InputFile&) = delete;

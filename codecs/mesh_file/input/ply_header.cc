@@ -12,6 +12,7 @@ namespace {
 
 constexpr size_t kMaxElements = 256;
 constexpr size_t kMaxProperties = 4096;  // of an element
+constexpr size_t kMaxTextures = 65536;
 
 std::optional<ScalarType> TypeFromName(std::string_view name) {
   struct Entry {
@@ -91,7 +92,8 @@ class HeaderParser {
   Status ParseLine(std::string_view line, bool* ended) {
     LineTokens tokens(line);
     std::string_view word;
-    if (!tokens.Next(&word) || word == "comment" || word == "obj_info") return Status::Ok();
+    if (!tokens.Next(&word) || word == "obj_info") return Status::Ok();
+    if (word == "comment") return ParseComment(line, tokens);
     if (word == "end_header") {
       *ended = true;
       return Status::Ok();
@@ -100,6 +102,17 @@ class HeaderParser {
     if (word == "element") return ParseElement(tokens);
     if (word == "property") return ParseProperty(tokens);
     return Error("expected element, property or end_header, found " + Quoted(line));
+  }
+
+  // "comment TextureFile NAME"; the name may have blanks.
+  Status ParseComment(std::string_view line, LineTokens& tokens) {
+    std::string_view word, name;
+    if (!tokens.Next(&word) || word != "TextureFile" || !tokens.Next(&name)) return Status::Ok();
+    if (header_.texture_files.size() == kMaxTextures) {
+      return Error("more than " + std::to_string(kMaxTextures) + " comments TextureFile");
+    }
+    header_.texture_files.emplace_back(line.substr(static_cast<size_t>(name.data() - line.data())));
+    return Status::Ok();
   }
 
   Status ParseFormat(LineTokens& tokens) {

@@ -38,6 +38,8 @@ struct PlyHeader {
   std::vector<PlyElement> elements;  // in file order
   uint64_t body_offset = 0;
   uint64_t line_count = 0;  // of the header
+  // What comments "TextureFile" name, in their order.
+  std::vector<std::string> texture_files;
 
   const PlyElement* Find(const std::string& name) const;
 };

@@ -45,7 +45,7 @@ std::vector<MeshFormatRow> OwnMeshFormats() {
   rows.push_back(
       {.format = {.name = "glTF", .suffixes = {"glb"}, .content_type = "model/gltf-binary"},
        .recognise = RecogniseGltf,
-       .read = Read<ReadGltf>,
+       .read = ReadGltf,
        .create_writer = CreateWith<CreateGltfWriter>});
   rows.push_back({.format = {.name = "Draco", .suffixes = {"drc"}, .keeps_mesh = true},
                   .recognise = RecogniseDraco,
@@ -54,7 +54,7 @@ std::vector<MeshFormatRow> OwnMeshFormats() {
   rows.push_back(
       {.format = {.name = "glTF JSON", .suffixes = {"gltf"}, .content_type = "model/gltf+json"},
        .recognise = RecogniseGltfJson,
-       .read = Read<ReadGltf>});
+       .read = ReadGltf});
   return rows;
 }
 

@@ -10,18 +10,18 @@ Status FaceEmitter::EndFace() {
   if (std::exchange(is_fan_, false)) {
     ++report_->polygons;
     ++report_->fans;
-    corners_.clear();
+    Resize(0);
     return Status::Ok();
   }
   const size_t size = corners_.size() - face_;
   if (size < 3) {
     ++report_->short_faces;
-    corners_.resize(face_);
+    Resize(face_);
     return Status::Ok();
   }
   if (size == 3 && face_ == 0) {
-    const Status status = Emit(corners_[0], corners_[1], corners_[2]);
-    corners_.clear();
+    const Status status = Emit(0, 1, 2);
+    Resize(0);
     return status;
   }
   if (size > 3) ++report_->polygons;
@@ -31,8 +31,13 @@ Status FaceEmitter::EndFace() {
 }
 
 Status FaceEmitter::AddTriangle(VertexIndex a, VertexIndex b, VertexIndex c) {
-  if (face_ == 0) return Emit(a, b, c);
-  corners_.insert(corners_.end(), {a, b, c});
+  return AddTriangle({a, b, c}, {kNoTexture, kNoTexture, kNoTexture});
+}
+
+Status FaceEmitter::AddTriangle(const TriangleVertices& t,
+                                const std::array<TextureCorner, 3>& textures) {
+  corners_.insert(corners_.end(), t.begin(), t.end());
+  if (emitter_.is_textured()) textures_.insert(textures_.end(), textures.begin(), textures.end());
   return EndFace();
 }
 
@@ -46,44 +51,44 @@ Status FaceEmitter::AddTriangles(std::span<const TriangleVertices> triangles) {
 
 Status FaceEmitter::End() { return Flush(); }
 
-Status FaceEmitter::AddToFan(VertexIndex v) {
+Status FaceEmitter::ExtendFan() {
   if (!is_fan_) {
     MTDB_RETURN_IF_ERROR(Flush());
     is_fan_ = true;
-    first_ = corners_[0];
-    last_ = corners_[1];
-    for (size_t i = 2; i < corners_.size(); ++i) {
-      MTDB_RETURN_IF_ERROR(Emit(first_, std::exchange(last_, corners_[i]), corners_[i]));
-    }
   }
-  return Emit(first_, std::exchange(last_, v), v);
+  for (size_t i = 2; i < corners_.size(); ++i) MTDB_RETURN_IF_ERROR(Emit(0, i - 1, i));
+  corners_[1] = corners_.back();
+  if (!textures_.empty()) textures_[1] = textures_.back();
+  Resize(2);
+  return Status::Ok();
 }
 
 Status FaceEmitter::Flush() {
   if (sizes_.empty()) return Status::Ok();
   MTDB_RETURN_IF_ERROR(LookUp());
-  const VertexIndex* corner = corners_.data();
+  size_t first = 0;
   const Vec3d* position = found_.data();
   for (const uint32_t size : sizes_) {
     if (size == 3) {
-      MTDB_RETURN_IF_ERROR(Emit(corner[0], corner[1], corner[2]));
+      MTDB_RETURN_IF_ERROR(Emit(first, first + 1, first + 2));
     } else {
-      MTDB_RETURN_IF_ERROR(EmitPolygon({corner, size}, {position, size}));
+      MTDB_RETURN_IF_ERROR(EmitPolygon(first, {position, size}));
       position += size;
     }
-    corner += size;
+    first += size;
   }
-  corners_.erase(corners_.begin(), corners_.begin() + static_cast<std::ptrdiff_t>(face_));
+  const auto done = static_cast<std::ptrdiff_t>(face_);
+  corners_.erase(corners_.begin(), corners_.begin() + done);
+  if (!textures_.empty()) textures_.erase(textures_.begin(), textures_.begin() + done);
   sizes_.clear();
   face_ = 0;
   return Status::Ok();
 }
 
-Status FaceEmitter::EmitPolygon(std::span<const VertexIndex> corners,
-                                std::span<const Vec3d> positions) {
+Status FaceEmitter::EmitPolygon(size_t first, std::span<const Vec3d> positions) {
   bool is_fan = false;
   for (const auto& [a, b, c] : triangulator_.Triangulate(positions, &is_fan)) {
-    MTDB_RETURN_IF_ERROR(Emit(corners[a], corners[b], corners[c]));
+    MTDB_RETURN_IF_ERROR(Emit(first + a, first + b, first + c));
   }
   if (is_fan) ++report_->fans;
   return Status::Ok();

@@ -31,14 +31,18 @@ class FaceEmitter {
               OpenPositions open)
       : emitter_(emitter), report_(report), left_out_(left_out), open_(std::move(open)) {}
 
-  Status AddCorner(VertexIndex v) {
-    if (corners_.size() - face_ >= PolygonTriangulator::kMostCorners) return AddToFan(v);
+  // `texture`: its texture coordinates, where the mesh has some.
+  Status AddCorner(VertexIndex v, const TextureCorner& texture = kNoTexture) {
     corners_.push_back(v);
-    return Status::Ok();
+    if (emitter_.is_textured()) textures_.push_back(texture);
+    const bool too_many = corners_.size() - face_ > PolygonTriangulator::kMostCorners;
+    return is_fan_ || too_many ? ExtendFan() : Status::Ok();
   }
   // After the last corner of a face. Faces of fewer than three are dropped and counted.
   Status EndFace();
   Status AddTriangle(VertexIndex a, VertexIndex b, VertexIndex c);
+  // Of a textured mesh.
+  Status AddTriangle(const TriangleVertices& t, const std::array<TextureCorner, 3>& textures);
   Status AddTriangles(std::span<const TriangleVertices> triangles);
   // After the last face.
   Status End();
@@ -46,18 +50,27 @@ class FaceEmitter {
  private:
   static constexpr size_t kMostCollected = size_t{1} << 19;  // corners
 
-  Status Emit(VertexIndex a, VertexIndex b, VertexIndex c) {
-    if (left_out_.count() == 0) return emitter_.AddTriangle(a, b, c);
-    return emitter_.AddTriangle(left_out_.NumberOf(a), left_out_.NumberOf(b),
-                                left_out_.NumberOf(c));
+  // The triangle of three places in corners_.
+  Status Emit(size_t a, size_t b, size_t c) {
+    TriangleVertices t{corners_[a], corners_[b], corners_[c]};
+    if (left_out_.count() != 0) {
+      for (VertexIndex& v : t) v = left_out_.NumberOf(v);
+    }
+    if (textures_.empty()) return emitter_.AddTriangle(t[0], t[1], t[2]);
+    return emitter_.AddTriangle(t[0], t[1], t[2], {textures_[a], textures_[b], textures_[c]});
   }
-  // The corners of a face with too many go on at once.
-  Status AddToFan(VertexIndex v);
+  void Resize(size_t corners) {
+    corners_.resize(corners);
+    if (!textures_.empty()) textures_.resize(corners);
+  }
+  // The corners of a face with too many go on at once; the first and the last one stay.
+  Status ExtendFan();
   // Sends on what was collected before the current face.
   Status Flush();
   Status LookUp();
   Status LookUpBlocks();
-  Status EmitPolygon(std::span<const VertexIndex> corners, std::span<const Vec3d> positions);
+  // The polygon whose corners begin at a place in corners_.
+  Status EmitPolygon(size_t first, std::span<const Vec3d> positions);
 
   MeshEmitter& emitter_;
   MeshReadReport* report_;
@@ -66,11 +79,11 @@ class FaceEmitter {
   std::unique_ptr<VertexPositions> positions_;
   PolygonTriangulator triangulator_;
 
-  std::vector<VertexIndex> corners_;  // of the faces that were collected, and of the current one
-  std::vector<uint32_t> sizes_;       // of the faces that were collected
-  size_t face_ = 0;                   // where the current face begins
-  bool is_fan_ = false;               // it has too many corners
-  VertexIndex first_ = 0, last_ = 0;  // of it, then
+  std::vector<VertexIndex> corners_;     // of the faces that were collected, and of the current one
+  std::vector<TextureCorner> textures_;  // of these, where the mesh is textured
+  std::vector<uint32_t> sizes_;          // of the faces that were collected
+  size_t face_ = 0;                      // where the current face begins
+  bool is_fan_ = false;                  // it has too many corners
 
   std::vector<Vec3d> found_;     // of corners of polygons, in their order
   std::vector<uint32_t> order_;  // of the corners of polygons, by blocks

@@ -56,27 +56,6 @@ int ComponentsOf(const GltfJson* type) {
   return 0;
 }
 
-// "%20" as in the names of files in URIs.
-std::string Unescaped(const std::string& uri) {
-  std::string text;
-  for (size_t i = 0; i < uri.size(); ++i) {
-    const auto digit = [&](size_t at) {
-      const char c = at < uri.size() ? uri[at] : ' ';
-      return c >= '0' && c <= '9'   ? c - '0'
-             : c >= 'a' && c <= 'f' ? c - 'a' + 10
-             : c >= 'A' && c <= 'F' ? c - 'A' + 10
-                                    : -1;
-    };
-    if (uri[i] == '%' && digit(i + 1) >= 0 && digit(i + 2) >= 0) {
-      text += static_cast<char>(16 * digit(i + 1) + digit(i + 2));
-      i += 2;
-    } else {
-      text += uri[i];
-    }
-  }
-  return text;
-}
-
 bool DecodeBase64(std::string_view text, Bytes* bytes) {
   uint32_t bits = 0;
   int count = 0;
@@ -282,14 +261,34 @@ Status GltfDocument::CheckExtensions() const {
   return Status::Ok();
 }
 
+std::string GltfDocument::Unescaped(const std::string& uri) {
+  std::string text;
+  for (size_t i = 0; i < uri.size(); ++i) {
+    const auto digit = [&](size_t at) {
+      const char c = at < uri.size() ? uri[at] : ' ';
+      return c >= '0' && c <= '9'   ? c - '0'
+             : c >= 'a' && c <= 'f' ? c - 'a' + 10
+             : c >= 'A' && c <= 'F' ? c - 'A' + 10
+                                    : -1;
+    };
+    if (uri[i] == '%' && digit(i + 1) >= 0 && digit(i + 2) >= 0) {
+      text += static_cast<char>(16 * digit(i + 1) + digit(i + 2));
+      i += 2;
+    } else {
+      text += uri[i];
+    }
+  }
+  return text;
+}
+
 Result<GltfBytes> GltfDocument::DataUri(const std::string& text) const {
   const size_t comma = text.find(',');
   if (comma == std::string::npos || text.find(";base64") > comma) {
-    return Error("a buffer's data URI is not base64");
+    return Error("a data URI is not base64");
   }
   auto bytes = std::make_shared<Bytes>();
   if (!DecodeBase64(std::string_view(text).substr(comma + 1), bytes.get())) {
-    return Error("a buffer's data URI is not base64");
+    return Error("a data URI is not base64");
   }
   GltfBytes part;
   part.size = bytes->size();

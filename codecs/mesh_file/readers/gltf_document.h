@@ -69,6 +69,10 @@ class GltfDocument {
   Result<GltfAccessor> AccessorShape(uint64_t index) const;
   // Whether mtdb reads the extension, or can leave it out: it says nothing of where triangles are.
   static bool KnowsExtension(const std::string& name);
+  // "%20" as in the names of files in URIs.
+  static std::string Unescaped(const std::string& uri);
+  // What a data URI has, decoded.
+  Result<GltfBytes> DataUri(const std::string& text) const;
   // Decompressed, where EXT_meshopt_compression or KHR_meshopt_compression says so.
   Result<GltfBytes> BufferView(uint64_t index) const;
   // All of a part, which is at most as large as the file.
@@ -81,7 +85,6 @@ class GltfDocument {
   Status FindBinaryChunk(const InputFile& file, uint64_t chunk);
   Status CheckExtensions() const;
   Result<GltfBytes> Buffer(uint64_t index) const;
-  Result<GltfBytes> DataUri(const std::string& text) const;
   Result<GltfBytes> Part(uint64_t buffer, uint64_t offset, uint64_t size) const;
   Result<GltfBytes> Decompressed(const GltfJson* extension) const;
   Status ReadSparse(const GltfJson* json, const std::string& name, GltfAccessor* accessor) const;

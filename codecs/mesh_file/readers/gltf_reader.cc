@@ -13,6 +13,7 @@
 #include "codecs/mesh_file/readers/draco_mesh.h"
 #include "codecs/mesh_file/readers/gltf_document.h"
 #include "codecs/mesh_file/readers/readers.h"
+#include "codecs/mesh_file/textures/gltf_textures.h"
 #include "store/base/attribute_layout.h"
 #include "store/base/vertex_meaning.h"
 
@@ -69,8 +70,8 @@ double WholeOf(ScalarType type) {
 
 class GltfReader {
  public:
-  GltfReader(const InputFile& file, MeshSink& sink, MeshReadReport* report)
-      : file_(file), emitter_(sink), report_(report) {}
+  GltfReader(const InputFile& file, const ReaderSpace& tmp, MeshSink& sink, MeshReadReport* report)
+      : file_(file), emitter_(sink), report_(report), table_(tmp) {}
 
   Status Read() {
     MTDB_ASSIGN_OR_RETURN(document_, GltfDocument::Open(file_));
@@ -82,6 +83,7 @@ class GltfReader {
     for (const Placed& placed : placed_) {
       MTDB_RETURN_IF_ERROR(Emit(primitives_[placed.primitive], placed.placement));
     }
+    AddWrongCorners(emitter_.wrong_corners(), report_);
     return emitter_.End();
   }
 
@@ -91,6 +93,7 @@ class GltfReader {
     std::string where;      // "mesh 1, primitive 0"
     uint64_t uses = 0;      // how many nodes place it
     bool is_moved = false;  // by one of them
+    GltfTextureUse texture;
   };
   // A primitive where a node puts it.
   struct Placed {
@@ -281,8 +284,8 @@ class GltfReader {
         continue;
       }
       morphs_ += GltfSize(primitive, "targets") != 0;
-      primitives_.push_back(
-          {primitive, "mesh " + std::to_string(mesh) + ", primitive " + std::to_string(p)});
+      const std::string where = "mesh " + std::to_string(mesh) + ", primitive " + std::to_string(p);
+      primitives_.push_back({primitive, where, 0, false, {}});
     }
     return Status::Ok();
   }
@@ -308,9 +311,25 @@ class GltfReader {
     return document_->AccessorShape(index);
   }
 
+  Status PlanTextures() {
+    textures_.emplace(*document_, file_, report_);
+    for (Primitive& primitive : primitives_) {
+      MTDB_ASSIGN_OR_RETURN(primitive.texture, textures_->Add(primitive.json));
+    }
+    if (!textures_->Finish()) return Status::Ok();
+    textures_->PutInto(&header_);
+    for (Primitive& primitive : primitives_) {
+      if (primitive.texture.page == TextureCorner::kNoPage) {
+        primitive.texture.page = textures_->other_page();
+      }
+    }
+    return Status::Ok();
+  }
+
   // The header, and the columns that all primitives have.
   Status Plan() {
     if (primitives_.empty()) return Error("the scene has no triangles");
+    MTDB_RETURN_IF_ERROR(PlanTextures());
     uint64_t vertices = 0;
     std::vector<std::string> names;  // of the first primitive; in the order of mtdb's writer
     std::set<std::string> custom;
@@ -336,7 +355,8 @@ class GltfReader {
         return GltfMember(attributes, name.c_str()) == nullptr;
       });
       for (const auto& [name, unused] : attributes->items()) {
-        if (name.starts_with("TEXCOORD_")) {
+        if (name.starts_with("TEXCOORD_") &&
+            (!header_.textured || name != primitive.texture.coordinates)) {
           texture_coordinates_ += primitive.uses * positions.count;
         }
         if (name == "POSITION" || name.starts_with("TEXCOORD_")) continue;
@@ -404,8 +424,8 @@ class GltfReader {
     };
     const GltfJson* const json = document_->json();
     count(texture_coordinates_, "texture coordinates");
-    count(GltfSize(json, "materials"), "materials");
-    count(GltfSize(json, "images"), "images");
+    count(GltfSize(json, "materials") - textures_->materials(), "materials");
+    count(GltfSize(json, "images") - textures_->images(), "images");
     count(GltfSize(json, "skins"), "skins");
     count(GltfSize(json, "animations"), "animations");
     count(morphs_, "primitives' morph targets");
@@ -448,9 +468,18 @@ class GltfReader {
       return Error(primitive.where + ": " + std::to_string(draco->points()) +
                    " vertices in Draco, but the accessor has " + std::to_string(positions.count));
     }
+    std::optional<Source> texture;
+    table_.Clear();
+    if (header_.textured && !primitive.texture.coordinates.empty()) {
+      MTDB_ASSIGN_OR_RETURN(texture, TextureSourceOf(primitive, draco.get(), positions.count));
+    }
     Bytes row(header_.attributes.row_bytes());
     for (uint64_t v = 0; v < positions.count; ++v) {
       std::array<double, 4> value;
+      if (texture) {
+        MTDB_RETURN_IF_ERROR(ValueOf(*texture, v, &value));
+        MTDB_RETURN_IF_ERROR(table_.Append(primitive.texture.Apply(value[0], value[1])));
+      }
       MTDB_RETURN_IF_ERROR(ValueOf(position, v, &value));
       const Vec3d p = placement({value[0], value[1], value[2]});
       if (const std::string problem = CoordinateFault(p); !problem.empty()) {
@@ -500,6 +529,16 @@ class GltfReader {
     return Error(primitive.where + ": Draco has no attribute " + std::to_string(id));
   }
 
+  Result<Source> TextureSourceOf(const Primitive& primitive, const DracoMesh* draco,
+                                 uint64_t vertices) const {
+    const char* const name = primitive.texture.coordinates.c_str();
+    MTDB_ASSIGN_OR_RETURN(Source source, SourceOf(primitive, draco, name));
+    if (source.values && source.values->accessor().count != vertices) {
+      return Error(primitive.where + ": " + name + " has another count than POSITION");
+    }
+    return source;
+  }
+
   static Status ValueOf(Source& source, uint64_t vertex, std::array<double, 4>* value) {
     if (source.values) return source.values->Next(value);
     *value = source.draco->Value(source.attribute, static_cast<uint32_t>(vertex));
@@ -534,6 +573,19 @@ class GltfReader {
     return Status::Ok();
   }
 
+  // Vertices are those of the primitive.
+  Status AddTriangle(const Primitive& primitive, const TriangleVertices& t) {
+    if (table_.size() == 0)
+      return emitter_.AddTriangle(first_ + t[0], first_ + t[1], first_ + t[2]);
+    std::array<TextureCorner, 3> corners;
+    for (size_t i = 0; i < 3; ++i) {
+      TexturePlace place;
+      MTDB_RETURN_IF_ERROR(table_.Get(t[i], &place));
+      corners[i] = {place.u, place.v, primitive.texture.page};
+    }
+    return emitter_.AddTriangle(first_ + t[0], first_ + t[1], first_ + t[2], corners);
+  }
+
   Status EmitTriangles(const Primitive& primitive, bool mirrors, const DracoMesh* draco,
                        uint64_t vertices) {
     const auto add = [&](uint64_t a, uint64_t b, uint64_t c) {
@@ -543,7 +595,7 @@ class GltfReader {
                         std::to_string(vertices) + " vertices");
       }
       if (mirrors) std::swap(b, c);
-      return emitter_.AddTriangle(first_ + a, first_ + b, first_ + c);
+      return AddTriangle(primitive, {a, b, c});
     };
     if (draco != nullptr) {
       for (uint32_t t = 0; t < draco->triangles(); ++t) {
@@ -604,7 +656,9 @@ class GltfReader {
   MeshHeader header_;
   std::vector<Column> columns_;
   std::set<std::string> others_;  // attributes that are not carried
-  uint64_t texture_coordinates_ = 0;
+  std::optional<GltfTextures> textures_;
+  CornerTable table_;                 // of the primitive's vertices; empty: it has no coordinates
+  uint64_t texture_coordinates_ = 0;  // that are not carried
   uint64_t lines_ = 0;
   uint64_t morphs_ = 0;
   uint64_t other_scenes_ = 0;
@@ -625,8 +679,9 @@ MeshFileFit RecogniseGltfJson(const MeshFileStart& start) {
   return is_object && start.named ? MeshFileFit::kContent : MeshFileFit::kNone;
 }
 
-Status ReadGltf(const InputFile& file, MeshSink& sink, MeshReadReport* report) {
-  return GltfReader(file, sink, report).Read();
+Status ReadGltf(const InputFile& file, const MeshFileStart& start, MeshSink& sink,
+                MeshReadReport* report) {
+  return GltfReader(file, start.tmp, sink, report).Read();
 }
 
 }  // namespace mtdb::internal

@@ -13,6 +13,7 @@
 #include "codecs/mesh_file/polygons/mesh_emitter.h"
 #include "codecs/mesh_file/polygons/vertex_positions.h"
 #include "codecs/mesh_file/readers/readers.h"
+#include "codecs/mesh_file/textures/obj_textures.h"
 #include "store/base/coordinate_limit.h"
 
 namespace mtdb::internal {
@@ -31,9 +32,10 @@ constexpr std::array<std::array<std::string_view, 2>, 9> kDropped{{{"vt", "textu
                                                                    {"l", "lines"},
                                                                    {"p", "points"}}};
 
-// The lines of a file. A vertex or a face may go on in the next line, behind a backslash. In what
-// mtdb does not read, a backslash may be the end of a name or of a comment, as of "C:\scans\":
-// there, only a line that begins with a number belongs to the one before, and is left out.
+// The lines of a file. A vertex, its texture coordinates or a face may go on in the next line,
+// behind a backslash. In what mtdb does not read, a backslash may be the end of a name or of a
+// comment, as of "C:\scans\": there, only a line that begins with a number belongs to the one
+// before, and is left out.
 class ObjLines {
  public:
   explicit ObjLines(const InputFile& file) : text_(file) {}
@@ -49,7 +51,7 @@ class ObjLines {
       line_ = text_.line();
       if (!ends_in_backslash) return true;
       const std::string_view word = FirstWord(*line);
-      if (word == "v" || word == "f") return Join(line);
+      if (word == "v" || word == "f" || word == "vt") return Join(line);
       may_go_on_ = word[0] != '#';
       return true;
     }
@@ -104,6 +106,7 @@ class ObjReader {
       : file_(file),
         emitter_(sink),
         report_(report),
+        textures_(file.path(), start.tmp, report),
         faces_(emitter_, report, left_out_, [this, tmp = start.tmp] { return Positions(tmp); }) {}
 
   Status Read() {
@@ -123,9 +126,12 @@ class ObjReader {
         header.attributes.attributes.push_back({name, ScalarType::kUint8});
       }
     }
+    MTDB_RETURN_IF_ERROR(textures_.Finish());
+    if (textures_.are_used()) textures_.PutInto(&header);
     MTDB_RETURN_IF_ERROR(emitter_.Begin(header));
     MTDB_RETURN_IF_ERROR(Emit());
     MTDB_RETURN_IF_ERROR(faces_.End());
+    AddWrongCorners(emitter_.wrong_corners(), report_);
     return emitter_.End();
   }
 
@@ -174,7 +180,12 @@ class ObjReader {
     return Status::Ok();
   }
 
-  // First pass: vertices only.
+  // What is behind a line's word.
+  static std::string_view RestOf(std::string_view line, std::string_view word) {
+    return line.substr(static_cast<size_t>(word.data() + word.size() - line.data()));
+  }
+
+  // First pass: vertices, and what faces have of textures.
   Status Scan() {
     ObjLines lines(file_);
     std::string_view line, word;
@@ -182,7 +193,11 @@ class ObjReader {
     bool all_unit = true, all_byte = true;
     while (lines.Next(&line)) {
       LineTokens tokens(line);
-      if (!tokens.Next(&word) || word != "v") continue;
+      if (!tokens.Next(&word)) continue;
+      if (word != "v") {
+        MTDB_RETURN_IF_ERROR(textures_.Scan(word, RestOf(line, word)));
+        continue;
+      }
       Vertex vertex;
       MTDB_RETURN_IF_ERROR(ParseVertex(lines, tokens, &vertex));
       if (!AreCoordinates(vertex.position)) {
@@ -219,7 +234,7 @@ class ObjReader {
         MTDB_RETURN_IF_ERROR(EmitVertex(lines, tokens));
       } else if (word == "f") {
         MTDB_RETURN_IF_ERROR(EmitFace(lines, tokens));
-      } else {
+      } else if (!textures_.are_used() || !textures_.Follow(word, RestOf(line, word))) {
         CountDropped(word);
       }
     }
@@ -261,7 +276,8 @@ class ObjReader {
                               ByteSpan(row).first(colours_ == ColourScale::kNone ? 0 : row.size()));
   }
 
-  // "12", "12/3", "12//4", "12/3/4"; only the first number matters here.
+  // "12", "12/3", "12//4", "12/3/4"; only the first number matters here, the second one to
+  // textures_.
   Status ParseCorner(const ObjLines& lines, std::string_view token, VertexIndex* vertex) const {
     const size_t slash = std::min(token.find('/'), token.size());
     int64_t index = 0;
@@ -288,17 +304,21 @@ class ObjReader {
   }
 
   Status EmitFace(const ObjLines& lines, LineTokens tokens) {
+    const bool is_textured = textures_.are_used() && ObjTextures::HasAll(tokens);
     std::string_view token;
     while (tokens.Next(&token) && token[0] != '#') {
       VertexIndex v = 0;
       MTDB_RETURN_IF_ERROR(ParseCorner(lines, token, &v));
-      MTDB_RETURN_IF_ERROR(faces_.AddCorner(v));
+      TextureCorner corner = kNoTexture;
+      if (is_textured) MTDB_RETURN_IF_ERROR(textures_.Corner(token, &corner));
+      MTDB_RETURN_IF_ERROR(faces_.AddCorner(v, corner));
     }
     return faces_.EndFace();
   }
 
   // In a pass of its own, which files without polygons are spared.
-  Result<std::unique_ptr<VertexPositions>> Positions(const ReaderSpace& tmp) const {
+  Result<std::unique_ptr<VertexPositions>> Positions(ReaderSpace tmp) const {
+    tmp.max_bytes -= std::min(tmp.max_bytes, textures_.temporary_bytes());
     auto positions = std::make_unique<PositionSpool>(tmp);
     ObjLines lines(file_);
     std::string_view line, word;
@@ -318,6 +338,7 @@ class ObjReader {
   MeshEmitter emitter_;
   MeshReadReport* report_;
   LeftOutVertices left_out_;
+  ObjTextures textures_;
   FaceEmitter faces_;
   std::vector<std::pair<std::string, uint64_t>> dropped_;  // in the order of first sight
   uint64_t vertex_count_ = 0;

@@ -17,6 +17,7 @@
 #include "codecs/mesh_file/polygons/mesh_emitter.h"
 #include "codecs/mesh_file/polygons/vertex_positions.h"
 #include "codecs/mesh_file/readers/readers.h"
+#include "codecs/mesh_file/textures/ply_textures.h"
 #include "store/base/coordinate_limit.h"
 
 namespace mtdb::internal {
@@ -30,6 +31,7 @@ struct VertexPlan {
   struct Column {
     int axis = -1;          // of a coordinate
     int attribute = -1;     // of an attribute
+    int texture = -1;       // 0: of u, 1: of v
     size_t row_offset = 0;  // of an attribute in its row
   };
   std::vector<Column> columns;  // one per property
@@ -52,7 +54,7 @@ void ReadAsDouble(PlyHeader* header) {
 }
 
 Result<VertexPlan> PlanVertices(const std::string& path, const PlyElement& element,
-                                MeshReadReport* report) {
+                                const PlyTextures& textures, MeshReadReport* report) {
   VertexPlan plan;
   std::array<bool, kAxes> found{};
   size_t row_bytes = 0;
@@ -71,7 +73,7 @@ Result<VertexPlan> PlanVertices(const std::string& path, const PlyElement& eleme
                               p.type == ScalarType::kInt32 || p.type == ScalarType::kUint32;
     } else if (p.is_list) {
       AddIgnored(report, "vertex list property " + p.name);
-    } else {
+    } else if (column.texture = textures.PartOf(p); column.texture < 0) {
       column.attribute = static_cast<int>(plan.attributes.attributes.size());
       column.row_offset = row_bytes;
       row_bytes += ScalarSize(p.type);
@@ -187,6 +189,7 @@ class PlyBody {
         source_(&source),
         emitter_(sink),
         report_(report),
+        textures_(start.tmp),
         faces_(emitter_, report, left_out_, [this, tmp = start.tmp] { return Positions(tmp); }) {}
 
   Status Read() {
@@ -194,8 +197,10 @@ class PlyBody {
     if (vertices == nullptr) return BadInput(path_ + ": the header has no vertex element");
     if (vertices->count == 0) return BadInput(path_ + ": no vertices");
     vertex_count_ = vertices->count;
-    MTDB_ASSIGN_OR_RETURN(plan_, PlanVertices(path_, *vertices, report_));
+    MTDB_RETURN_IF_ERROR(textures_.Plan(path_, header_, report_));
+    MTDB_ASSIGN_OR_RETURN(plan_, PlanVertices(path_, *vertices, textures_, report_));
     MeshHeader mesh;
+    if (textures_.are_used()) textures_.PutInto(&mesh);
     mesh.attributes = plan_.attributes;
     mesh.double_positions = plan_.double_positions;
     mesh.from_text = !Source::kBinary;
@@ -216,6 +221,7 @@ class PlyBody {
       }
     }
     MTDB_RETURN_IF_ERROR(faces_.End());
+    AddWrongCorners(emitter_.wrong_corners(), report_);
     if (left_out_.count() == vertex_count_) return NoVertexLeft(path_, left_out_);
     report_->left_out_vertices = left_out_.count();
     if (const uint64_t left = source_->remaining(); left > 0) {
@@ -357,6 +363,7 @@ class PlyBody {
     Bytes row(plan_.attributes.row_bytes());
     for (uint64_t i = 0; i < element_->count; ++i) {
       Vec3d position;
+      std::array<float, 2> place{};
       for (size_t k = 0; k < element_->properties.size(); ++k) {
         const PlyProperty& property = element_->properties[k];
         const VertexPlan::Column& column = plan_.columns[k];
@@ -368,11 +375,16 @@ class PlyBody {
         if (!source_->Get(property.type, &value)) return SourceError(i, property);
         if (column.axis >= 0) {
           position[column.axis] = value.ToReal(property.type);
+        } else if (column.texture >= 0) {
+          place[column.texture] = static_cast<float>(value.ToReal(property.type));
         } else {
           std::memcpy(row.data() + column.row_offset, value.bytes, ScalarSize(property.type));
         }
       }
       source_->EndInstance();
+      if (textures_.of_vertices()) {
+        MTDB_RETURN_IF_ERROR(textures_.SetVertex(i, {place[0], place[1]}));
+      }
       MTDB_RETURN_IF_ERROR(receive(i, position, ByteSpan(row)));
     }
     return Status::Ok();
@@ -380,7 +392,8 @@ class PlyBody {
 
   // In a pass of its own where vertices have no fixed size, which files without polygons are
   // spared.
-  Result<std::unique_ptr<VertexPositions>> Positions(const ReaderSpace& tmp) {
+  Result<std::unique_ptr<VertexPositions>> Positions(ReaderSpace tmp) {
+    tmp.max_bytes -= std::min(tmp.max_bytes, textures_.temporary_bytes());
     const PlyElement* const face = std::exchange(element_, header_.Find("vertex"));
     if constexpr (Source::kBinary) {
       if (IsFixed()) {
@@ -437,7 +450,7 @@ class PlyBody {
     size_t at = 0;
     for (size_t k = 0; k < plan_.columns.size(); ++k) {
       const size_t size = ScalarSize(element_->properties[k].type);
-      if (plan_.columns[k].axis >= 0) {
+      if (plan_.columns[k].attribute < 0) {
         at += size;
         continue;
       }
@@ -474,12 +487,41 @@ class PlyBody {
       for (const RowCopy& copy : copies) {
         CopyRows(copy, reader.data(), stride, rows.data(), row_bytes, n, kSwap);
       }
+      if (textures_.of_vertices()) MTDB_RETURN_IF_ERROR(SetTextures(done, n));
       reader.Consume(n * stride);
       const size_t kept =
           all_fit ? n : KeepGood(done, looked_ahead, std::span(positions).first(n), rows.data());
       MTDB_RETURN_IF_ERROR(emitter_.AddVertices(std::span(positions).first(kept),
                                                 ByteSpan(rows).first(kept * row_bytes)));
       done += n;
+    }
+    return Status::Ok();
+  }
+
+  // Of n vertices of one size, which the reader has.
+  Status SetTextures(uint64_t first, size_t n) {
+    std::array<size_t, 2> offsets{};
+    std::array<ScalarType, 2> types{};
+    size_t at = 0;
+    for (size_t k = 0; k < plan_.columns.size(); ++k) {
+      const ScalarType type = element_->properties[k].type;
+      if (const int part = plan_.columns[k].texture; part >= 0) {
+        offsets[part] = at;
+        types[part] = type;
+      }
+      at += ScalarSize(type);
+    }
+    const std::byte* row = source_->reader().data();
+    for (size_t i = 0; i < n; ++i, row += at) {
+      std::array<float, 2> place{};
+      for (size_t part = 0; part < 2; ++part) {
+        PlyValue value;
+        const size_t size = ScalarSize(types[part]);
+        std::memcpy(value.bytes, row + offsets[part], size);
+        if (source_->big_endian()) std::reverse(value.bytes, value.bytes + size);
+        place[part] = static_cast<float>(value.ToReal(types[part]));
+      }
+      MTDB_RETURN_IF_ERROR(textures_.SetVertex(first + i, {place[0], place[1]}));
     }
     return Status::Ok();
   }
@@ -518,7 +560,9 @@ class PlyBody {
                       " has no list property vertex_indices or vertex_index");
     }
     for (const PlyProperty& p : element_->properties) {
-      if (&p != indices) AddIgnored(report_, element_->name + " property " + p.name);
+      const bool is_used =
+          &p == indices || (!strips && (textures_.IsCoordinates(p) || textures_.IsPage(p)));
+      if (!is_used) AddIgnored(report_, element_->name + " property " + p.name);
     }
     const bool plain = !strips && element_->properties.size() == 1 &&
                        indices->count_type == ScalarType::kUint8 && ScalarSize(indices->type) == 4;
@@ -530,6 +574,11 @@ class PlyBody {
           if (i == element_->count) break;
         }
       }
+      if (!strips && textures_.are_used()) {
+        MTDB_RETURN_IF_ERROR(ReadTexturedFace(i, *indices));
+        source_->EndInstance();
+        continue;
+      }
       for (const PlyProperty& p : element_->properties) {
         if (&p != indices) {
           MTDB_RETURN_IF_ERROR(SkipProperty(i, p));
@@ -540,6 +589,48 @@ class PlyBody {
       source_->EndInstance();
     }
     return Status::Ok();
+  }
+
+  // Waits for all of the face, but where it has so many corners that it goes on as it comes.
+  Status ReadTexturedFace(uint64_t index, const PlyProperty& indices) {
+    textures_.BeginFace();
+    bool is_huge = false;
+    for (const PlyProperty& p : element_->properties) {
+      PlyValue value;
+      if (&p != &indices && !textures_.IsCoordinates(p)) {
+        if (!textures_.IsPage(p)) {
+          MTDB_RETURN_IF_ERROR(SkipProperty(index, p));
+          continue;
+        }
+        if (!source_->Get(p.type, &value)) return SourceError(index, p);
+        const double number = value.ToReal(p.type);
+        textures_.SetPage(std::abs(number) < 0x1p31 ? static_cast<int64_t>(number) : -1);
+        continue;
+      }
+      uint64_t count = 0;
+      MTDB_RETURN_IF_ERROR(ListCount(index, p, &count));
+      const bool is_long = count > 2 * PolygonTriangulator::kMostCorners;
+      if (&p == &indices) is_huge = is_long;
+      if (&p != &indices && is_long) {
+        if (!source_->Skip(p.type, count)) return SourceError(index, p);
+        count = 0;
+      }
+      for (uint64_t i = 0; i < count; ++i) {
+        if (&p != &indices) {
+          if (!source_->Get(p.type, &value)) return SourceError(index, p);
+          textures_.AddNumber(value.ToReal(p.type));
+          continue;
+        }
+        VertexIndex v = 0;
+        MTDB_RETURN_IF_ERROR(GetVertex(index, p, &v));
+        if (is_huge) {
+          MTDB_RETURN_IF_ERROR(faces_.AddCorner(v));
+        } else {
+          textures_.AddCorner(v);
+        }
+      }
+    }
+    return is_huge ? faces_.EndFace() : textures_.EndFace(&faces_);
   }
 
   Status IndexError(uint64_t index, int64_t vertex) const {
@@ -601,7 +692,13 @@ class PlyBody {
       reader.Consume(n * kTriangleBytes);
       const auto triangles = std::span<const TriangleVertices>(triangles_).first(n);
       MTDB_RETURN_IF_ERROR(CheckLeftOut(*index, triangles));
-      MTDB_RETURN_IF_ERROR(faces_.AddTriangles(triangles));
+      if (textures_.of_vertices()) {
+        for (const TriangleVertices& t : triangles) {
+          MTDB_RETURN_IF_ERROR(textures_.AddTriangle(t, &faces_));
+        }
+      } else {
+        MTDB_RETURN_IF_ERROR(faces_.AddTriangles(triangles));
+      }
       *index += n;
       if (n < most) return Status::Ok();
     }
@@ -649,8 +746,10 @@ class PlyBody {
       if (length == 3) ++report_->strips;
       // Repeated indices only stitch strips together.
       if (length >= 3 && a != b && b != c && c != a) {
-        MTDB_RETURN_IF_ERROR(length % 2 == 1 ? faces_.AddTriangle(a, b, c)
-                                             : faces_.AddTriangle(b, a, c));
+        const TriangleVertices t =
+            length % 2 == 1 ? TriangleVertices{a, b, c} : TriangleVertices{b, a, c};
+        MTDB_RETURN_IF_ERROR(textures_.of_vertices() ? textures_.AddTriangle(t, &faces_)
+                                                     : faces_.AddTriangle(t[0], t[1], t[2]));
       }
       a = b;
       b = c;
@@ -666,6 +765,7 @@ class PlyBody {
   MeshEmitter emitter_;
   MeshReadReport* report_;
   LeftOutVertices left_out_;
+  PlyTextures textures_;
   FaceEmitter faces_;
   VertexPlan plan_;
   uint64_t vertex_count_ = 0;

@@ -22,7 +22,8 @@ Status ReadOff(const InputFile& file, const MeshFileStart& start, MeshSink& sink
                MeshReadReport* report);
 Status ReadDraco(const InputFile& file, MeshSink& sink, MeshReadReport* report);
 // Binary or JSON.
-Status ReadGltf(const InputFile& file, MeshSink& sink, MeshReadReport* report);
+Status ReadGltf(const InputFile& file, const MeshFileStart& start, MeshSink& sink,
+                MeshReadReport* report);
 // Binary or ASCII.
 Status ReadStl(const InputFile& file, const MeshFileStart& start, MeshSink& sink,
                MeshReadReport* report);
@@ -63,5 +64,7 @@ Status LeftOutError(const std::string& path, const LeftOutVertices& left_out, Ve
 
 // Adds a line to report->ignored unless it is there.
 void AddIgnored(MeshReadReport* report, std::string what);
+// The line of MeshEmitter::wrong_corners().
+void AddWrongCorners(uint64_t triangles, MeshReadReport* report);
 
 }  // namespace mtdb::internal

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "codecs/mesh_file/draped_mesh_file.h"
+#include "codecs/mesh_file/writers/gltf_pages.h"
 #include "codecs/mesh_file/writers/mesh_writer.h"
 #include "codecs/mesh_file/writers/text_format.h"
 
@@ -180,7 +181,7 @@ class GltfWriter final : public MeshWriter {
 
  private:
   Status WriteHeader() override {
-    columns_ = PlanColumns(header().attributes, is_textured(), &stride_);
+    columns_ = PlanColumns(header().attributes, is_draped() || is_textured(), &stride_);
     for (const GltfColumns& c : columns_) Carry(c.indices);
     colours_ = ColourReader(FindColours(header().attributes));
     normals_ = FindNormals(header().attributes);
@@ -191,21 +192,27 @@ class GltfWriter final : public MeshWriter {
     } else if (float_positions().has_origin()) {
       origin_ = float_positions().origin();
     }
+    if (is_textured() && !empty_) pages_ = std::make_unique<GltfPages>(stride_, kPositionBytes);
     json_bytes_ = (Json().size() + 15 * kNumberBytes + 3) / 4 * 4;
     const uint64_t besides =
         kHeaderBytes + 2 * kChunkHeaderBytes + json_bytes_ + padded_image_bytes();
     const uint64_t rest = kLargestFile - std::min(besides, kLargestFile);
     if (!empty_ && (vertex_count() > rest / stride_ ||
                     triangle_count() > (rest - vertex_count() * stride_) / kTriangleBytes)) {
-      return InvalidArgument(path() + ": a .glb file holds at most 4 GiB, but the mesh of " +
-                             std::to_string(vertex_count()) + " vertices and " +
-                             std::to_string(triangle_count()) +
-                             " triangles needs more; write PLY or ask for a part of it");
+      return TooLong();
     }
+    if (pages_ != nullptr) return Status::Ok();  // all of it comes at the end
     binary_bytes_ = empty_ ? 0
                            : vertex_count() * stride_ + triangle_count() * kTriangleBytes +
                                  padded_image_bytes();
     return file().Append(Front());
+  }
+
+  Status TooLong() const {
+    return InvalidArgument(path() + ": a .glb file holds at most 4 GiB, but the mesh of " +
+                           std::to_string(vertex_count()) + " vertices and " +
+                           std::to_string(triangle_count()) +
+                           " triangles needs more; write PLY or ask for a part of it");
   }
 
   Status WriteVertices(std::span<const Vec3d> positions, ByteSpan rows) override {
@@ -222,8 +229,12 @@ class GltfWriter final : public MeshWriter {
       if (!float_positions().Round(positions[i], &f)) return TooLarge();
       std::memcpy(out, &f, sizeof(f));
       bounds_.Add(Vec3d{f.x, f.y, f.z});
-      if (is_textured()) PutTexturePlace(positions[i], out + kPositionBytes);
+      if (is_draped()) PutTexturePlace(positions[i], out + kPositionBytes);
       for (const GltfColumns& c : columns_) PutValues(c, rows.data() + i * row_bytes, out + c.at);
+    }
+    if (pages_ != nullptr) {
+      pages_->AddVertices(buffer_);
+      return Status::Ok();
     }
     return file().Append(buffer_);
   }
@@ -270,8 +281,29 @@ class GltfWriter final : public MeshWriter {
     return file().Append(buffer_);
   }
 
+  // An image that is draped over the mesh takes the place of its own.
+  bool has_textures() const override { return !is_draped(); }
+  bool has_image_files() const override { return false; }
+  Status WriteTexturedTriangles(std::span<const TriangleVertices> triangles,
+                                std::span<const TextureCorner> corners) override {
+    pages_->AddTriangles(triangles, corners);
+    const uint64_t bytes = pages_->vertex_bytes() + pages_->index_bytes();
+    return bytes > kLargestFile ? TooLong() : Status::Ok();
+  }
+
+  Status WritePages() {
+    json_bytes_ = (Json().size() + 15 * kNumberBytes + pages_->JsonRoom() + 3) / 4 * 4;
+    MTDB_RETURN_IF_ERROR(file().Append(Front()));
+    MTDB_RETURN_IF_ERROR(pages_->WriteMesh(&file()));
+    MTDB_RETURN_IF_ERROR(pages_->WriteImages(header(), images(), &file()));
+    binary_bytes_ = pages_->vertex_bytes() + pages_->index_bytes() + pages_->image_bytes();
+    if (file().bytes_written() > kLargestFile) return TooLong();
+    return file().Overwrite(0, AsBytes(Front()));
+  }
+
   Status WriteEnd() override {
-    if (!empty_ && is_textured()) {
+    if (pages_ != nullptr) return WritePages();
+    if (!empty_ && is_draped()) {
       MTDB_RETURN_IF_ERROR(file().Append(texture_.image));
       MTDB_RETURN_IF_ERROR(
           file().Append(std::string(padded_image_bytes() - texture_.image.size(), '\0')));
@@ -279,7 +311,7 @@ class GltfWriter final : public MeshWriter {
     return file().Overwrite(0, AsBytes(Front()));
   }
 
-  bool is_textured() const { return !texture_.image.empty(); }
+  bool is_draped() const { return !texture_.image.empty(); }
   uint64_t padded_image_bytes() const { return (texture_.image.size() + 3) / 4 * 4; }
   void PutTexturePlace(Vec3d p, std::byte* out) const {
     const std::array<double, 6>& place = texture_.place;
@@ -307,45 +339,88 @@ class GltfWriter final : public MeshWriter {
     if (empty_) return json + "{}]}";
     json += R"({"nodes":[0]}],"nodes":[{"mesh":0)";
     json += up_frame_ ? UpMatrix() : origin_ ? ",\"translation\":" + Numbers(*origin_) : "";
-    json += R"(}],"materials":[{"pbrMetallicRoughness":{"metallicFactor":0)";
-    if (is_textured()) json += R"(,"baseColorTexture":{"index":0})";
-    json += R"(},"doubleSided":true}])";
-    if (is_textured()) {
-      json +=
-          R"(,"textures":[{"sampler":0,"source":0}],"samplers":[{"wrapS":33071,"wrapT":33071}])";
-      json += R"(,"images":[{"bufferView":2,"mimeType":")" + texture_.mime_type + "\"}]";
-    }
-    json += R"(,"meshes":[{"primitives":[{"attributes":{"POSITION":1)";
-    std::string accessors = Accessor(0, 0, Component::kUnsignedInt, triangle_count() * 3, 1) + "}";
-    accessors += "," + Accessor(1, 0, Component::kFloat, vertex_count(), 3) +
-                 ",\"min\":" + Numbers(bounds_.empty() ? Vec3d{} : bounds_.min) +
-                 ",\"max\":" + Numbers(bounds_.empty() ? Vec3d{} : bounds_.max) + "}";
-    size_t number = 2;
-    for (const GltfColumns& c : columns_) {
-      json += ",\"" + c.name + "\":" + std::to_string(number++);
-      accessors += "," + Accessor(1, c.at, c.component, vertex_count(), c.offsets.size()) +
-                   (c.component == Component::kUnsignedShort && c.kind == GltfKind::kColour
-                        ? ",\"normalized\":true}"
-                        : "}");
-    }
-    if (is_textured()) {
-      json += ",\"TEXCOORD_0\":" + std::to_string(number);
-      accessors += "," + Accessor(1, kPositionBytes, Component::kFloat, vertex_count(), 2) + "}";
-    }
-    const uint64_t vertex_bytes = vertex_count() * stride_;
+    json += "}]" + (pages_ != nullptr ? pages_->MaterialsJson(2) : MaterialJson());
+    std::string accessors, primitives;
+    PutPrimitives(&primitives, &accessors);
+    const uint64_t vertex_bytes =
+        pages_ != nullptr ? pages_->vertex_bytes() : vertex_count() * stride_;
     const uint64_t index_bytes = triangle_count() * kTriangleBytes;
     std::string image;
-    if (is_textured()) {
+    if (is_draped()) {
       image = ",{\"buffer\":0,\"byteOffset\":" + std::to_string(vertex_bytes + index_bytes) +
               ",\"byteLength\":" + std::to_string(texture_.image.size()) + "}";
     }
-    return json + R"(},"indices":0,"material":0}]}],"accessors":[)" + accessors +
-           R"(],"bufferViews":[{"buffer":0,"byteOffset":)" + std::to_string(vertex_bytes) +
-           ",\"byteLength\":" + std::to_string(index_bytes) +
+    if (pages_ != nullptr) image = pages_->ViewsJson(vertex_bytes + index_bytes);
+    const uint64_t image_bytes = pages_ != nullptr ? pages_->image_bytes() : padded_image_bytes();
+    return json + R"(,"meshes":[{"primitives":[)" + primitives + R"(]}],"accessors":[)" +
+           accessors + R"(],"bufferViews":[{"buffer":0,"byteOffset":)" +
+           std::to_string(vertex_bytes) + ",\"byteLength\":" + std::to_string(index_bytes) +
            R"(,"target":34963},{"buffer":0,"byteLength":)" + std::to_string(vertex_bytes) +
            ",\"byteStride\":" + std::to_string(stride_) + R"(,"target":34962})" + image +
            R"(],"buffers":[{"byteLength":)" +
-           std::to_string(vertex_bytes + index_bytes + padded_image_bytes()) + "}]}";
+           std::to_string(vertex_bytes + index_bytes + image_bytes) + "}]}";
+  }
+
+  // Without a texture, or with the one that is draped.
+  std::string MaterialJson() const {
+    std::string json = R"(,"materials":[{"pbrMetallicRoughness":{"metallicFactor":0)";
+    if (is_draped()) json += R"(,"baseColorTexture":{"index":0})";
+    json += R"(},"doubleSided":true}])";
+    if (!is_draped()) return json;
+    json += R"(,"textures":[{"sampler":0,"source":0}],"samplers":[{"wrapS":33071,"wrapT":33071}])";
+    return json + R"(,"images":[{"bufferView":2,"mimeType":")" + texture_.mime_type + "\"}]";
+  }
+
+  // A primitive, and where it is in the file.
+  struct Place {
+    uint64_t vertices = 0, corners = 0;  // counts
+    uint64_t first_vertex = 0, first_corner = 0;
+    Box3d bounds;
+  };
+  void PutPrimitives(std::string* primitives, std::string* accessors) const {
+    size_t accessor = 0, material = 0;
+    if (pages_ == nullptr) {
+      const Place all{vertex_count(), triangle_count() * 3, 0, 0, bounds_};
+      return PutPrimitive(all, 0, &accessor, primitives, accessors);
+    }
+    Place place;
+    for (const auto& [page, part] : pages_->parts()) {
+      place.vertices = part.vertices.size();
+      place.corners = part.indices.size();
+      place.bounds = part.bounds;
+      PutPrimitive(place, material++, &accessor, primitives, accessors);
+      place.first_vertex += place.vertices;
+      place.first_corner += place.corners;
+    }
+  }
+
+  // Accessors are numbered from *accessor on: the indices first.
+  void PutPrimitive(const Place& place, size_t material, size_t* accessor, std::string* primitives,
+                    std::string* accessors) const {
+    const char* const comma = *accessor == 0 ? "" : ",";
+    const uint64_t begin = place.first_vertex * stride_;
+    const Box3d& b = place.bounds;
+    const std::string indices = std::to_string((*accessor)++);
+    std::string attributes = "\"POSITION\":" + std::to_string((*accessor)++);
+    std::string own = Accessor(0, place.first_corner * sizeof(uint32_t), Component::kUnsignedInt,
+                               place.corners, 1) +
+                      "}," + Accessor(1, begin, Component::kFloat, place.vertices, 3) +
+                      ",\"min\":" + Numbers(b.empty() ? Vec3d{} : b.min) +
+                      ",\"max\":" + Numbers(b.empty() ? Vec3d{} : b.max) + "}";
+    for (const GltfColumns& c : columns_) {
+      attributes += ",\"" + c.name + "\":" + std::to_string((*accessor)++);
+      own += "," + Accessor(1, begin + c.at, c.component, place.vertices, c.offsets.size()) +
+             (c.component == Component::kUnsignedShort && c.kind == GltfKind::kColour
+                  ? ",\"normalized\":true}"
+                  : "}");
+    }
+    if (is_draped() || pages_ != nullptr) {
+      attributes += ",\"TEXCOORD_0\":" + std::to_string((*accessor)++);
+      own += "," + Accessor(1, begin + kPositionBytes, Component::kFloat, place.vertices, 2) + "}";
+    }
+    *accessors += comma + own;
+    *primitives += comma + std::string("{\"attributes\":{") + attributes +
+                   "},\"indices\":" + indices + ",\"material\":" + std::to_string(material) + "}";
   }
 
   // x, y and z, in metres, become x, -z and y. Exact but for the products.
@@ -367,7 +442,12 @@ class GltfWriter final : public MeshWriter {
   const char* position_type() const override { return "float32"; }
   void AddToReport(MeshWriteReport* report) const override {
     report->origin.reset();
-    if (!is_textured()) {
+    if (pages_ != nullptr) {
+      for (const std::string& name : pages_->left_out()) {
+        report->not_written.push_back("image " + name + ", which is neither JPEG, PNG nor WebP");
+      }
+    }
+    if (!is_draped() && pages_ == nullptr) {
       colours_.AddToReport(nullptr, report);
       const bool integers = colours_.count() > 0 && colours_.type() != ScalarType::kUint8 &&
                             colours_.type() != ScalarType::kUint16 && !colours_.is_float();
@@ -395,7 +475,7 @@ class GltfWriter final : public MeshWriter {
   }
 
   // Open at its end.
-  static std::string Accessor(int view, size_t offset, Component component, uint64_t count,
+  static std::string Accessor(int view, uint64_t offset, Component component, uint64_t count,
                               size_t components) {
     return "{\"bufferView\":" + std::to_string(view) + ",\"byteOffset\":" + std::to_string(offset) +
            ",\"componentType\":" + std::to_string(static_cast<int>(component)) +
@@ -404,7 +484,8 @@ class GltfWriter final : public MeshWriter {
 
   using UpFrame = MeshWriteOptions::UpFrame;
   const std::optional<UpFrame> up_frame_;
-  const MeshTexture texture_;  // without an image: none
+  const MeshTexture texture_;         // without an image: none
+  std::unique_ptr<GltfPages> pages_;  // of a textured mesh
   std::array<uint16_t, 256> linear_{};
   ColourReader colours_;
   NormalAttributes normals_;

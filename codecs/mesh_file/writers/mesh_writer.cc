@@ -24,6 +24,9 @@ Status MeshWriter::Begin(const MeshHeader& header) {
   positions_ = FloatPositions(header, origin_kind());
   MTDB_ASSIGN_OR_RETURN(
       file_, descriptor_ < 0 ? AtomicFile::Create(path_) : AtomicFile::Into(descriptor_, path_));
+  if (is_textured()) {
+    images_ = std::make_unique<ImageFiles>(header_, path_, has_folder() && has_image_files());
+  }
   return WriteHeader();
 }
 
@@ -64,7 +67,25 @@ Status MeshWriter::AddTriangles(std::span<const TriangleVertices> triangles) {
     }
   }
   triangles_seen_ += triangles.size();
-  return WriteTriangles(triangles);
+  if (!is_textured()) return WriteTriangles(triangles);
+  if (!pending_.empty()) return NoCorners();
+  pending_.assign(triangles.begin(), triangles.end());
+  return Status::Ok();
+}
+
+Status MeshWriter::NoCorners() const {
+  return InvalidArgument(path_ + ": the mesh is textured, but the corners of " +
+                         std::to_string(pending_.size()) + " triangles did not follow them");
+}
+
+Status MeshWriter::AddCorners(std::span<const TextureCorner> corners) {
+  MTDB_CHECK(file_ != nullptr, "AddCorners outside Begin and End");
+  if (!is_textured()) return Status::Ok();
+  if (corners.size() != 3 * pending_.size()) return NoCorners();
+  MTDB_RETURN_IF_ERROR(images_->Use(corners));
+  MTDB_RETURN_IF_ERROR(WriteTexturedTriangles(pending_, corners));
+  pending_.clear();
+  return Status::Ok();
 }
 
 bool MeshWriter::AppendPosition(std::string* text, Vec3d p) {
@@ -85,14 +106,15 @@ Status MeshWriter::End() {
                            " triangles, but got " + std::to_string(vertices_seen_) + " and " +
                            std::to_string(triangles_seen_));
   }
+  if (!pending_.empty()) return NoCorners();
   MTDB_RETURN_IF_ERROR(WriteEnd());
+  if (images_ != nullptr && has_image_files()) MTDB_RETURN_IF_ERROR(images_->Write());
   MTDB_RETURN_IF_ERROR(file_->Commit());
+  if (images_ != nullptr) images_->Keep();
   bytes_written_ = file_->bytes_written();
   file_.reset();
   return Status::Ok();
 }
-
-namespace {}  // namespace
 
 MeshWriteReport MeshWriter::report() const {
   constexpr size_t kMostNamed = 40;
@@ -115,6 +137,11 @@ MeshWriteReport MeshWriter::report() const {
   if (type) report.not_written.back() += std::string(" (") + ScalarName(*type) + ")";
   if (named > kMostNamed) {
     report.not_written.push_back(std::to_string(named - kMostNamed) + " more");
+  }
+  if (header_.textured && !has_textures()) report.not_written.push_back("texture coordinates");
+  if (images_ != nullptr && has_image_files() && images_->left_out() > 0) {
+    report.not_written.push_back(std::to_string(images_->left_out()) +
+                                 " images, which are files beside one that has a name");
   }
   AddToReport(&report);
   return report;

@@ -11,6 +11,7 @@
 
 #include "codecs/mesh_file/atomic_file.h"
 #include "codecs/mesh_file/mesh_file.h"
+#include "codecs/mesh_file/textures/image_files.h"
 #include "codecs/mesh_file/writers/float_positions.h"
 #include "store/base/mesh_sink.h"
 #include "store/base/vertex_meaning.h"
@@ -22,7 +23,8 @@ std::string ExactSuffixes();
 
 // Checks what arrives and hands it to the format. Every format wants both counts in the header,
 // and all vertices before the first triangle: kInvalidArgument otherwise, as for a triangle whose
-// vertex does not exist.
+// vertex does not exist. So is a block of triangles of a textured mesh that its corners do not
+// follow, where the format has texture coordinates.
 class MeshWriter : public MeshFileWriter {
  public:
   explicit MeshWriter(std::string path) : path_(std::move(path)) {}
@@ -33,6 +35,7 @@ class MeshWriter : public MeshFileWriter {
   Status Begin(const MeshHeader& header) final;
   Status AddVertices(std::span<const Vec3d> positions, ByteSpan rows) final;
   Status AddTriangles(std::span<const TriangleVertices> triangles) final;
+  Status AddCorners(std::span<const TextureCorner> corners) final;
   Status End() final;
   uint64_t bytes_written() const final { return bytes_written_; }
   double LargestRounding(const MeshHeader& header) const override {
@@ -45,6 +48,15 @@ class MeshWriter : public MeshFileWriter {
   virtual Status WriteHeader() = 0;
   virtual Status WriteVertices(std::span<const Vec3d> positions, ByteSpan rows) = 0;
   virtual Status WriteTriangles(std::span<const TriangleVertices> triangles) = 0;
+  // Whether a format that has textures has its images in files of their own.
+  virtual bool has_image_files() const { return true; }
+  // Formats that have texture coordinates. Triangles of a textured mesh then come here, with three
+  // corners each, and not to WriteTriangles.
+  virtual bool has_textures() const { return false; }
+  virtual Status WriteTexturedTriangles(std::span<const TriangleVertices> /*triangles*/,
+                                        std::span<const TextureCorner> /*corners*/) {
+    return Status::Ok();
+  }
   virtual Status WriteEnd() { return Status::Ok(); }
   // Which origins the format has room for.
   virtual FloatOrigin origin_kind() const { return FloatOrigin::kNone; }
@@ -64,6 +76,13 @@ class MeshWriter : public MeshFileWriter {
   uint64_t vertex_count() const { return *header_.vertex_count; }
   uint64_t triangle_count() const { return *header_.triangle_count; }
   AtomicFile& file() { return *file_; }
+  // Whether the file is to have texture coordinates; then images() are there from WriteHeader on.
+  bool is_textured() const { return header_.textured && has_textures(); }
+  // Its files are written by End(), behind WriteEnd().
+  ImageFiles& images() { return *images_; }
+  const ImageFiles& images() const { return *images_; }
+  // Whether the file has a name, and so a folder for other files beside it.
+  bool has_folder() const { return descriptor_ < 0; }
   // For formats of float32 positions.
   FloatPositions& float_positions() { return positions_; }
   const FloatPositions& float_positions() const { return positions_; }
@@ -75,12 +94,16 @@ class MeshWriter : public MeshFileWriter {
   }
 
  private:
+  Status NoCorners() const;
+
   std::string path_;
   int descriptor_ = -1;
   MeshHeader header_;
   FloatPositions positions_;
   std::unique_ptr<AtomicFile> file_;  // between Begin and End
   std::vector<bool> carried_;         // by attribute
+  std::unique_ptr<ImageFiles> images_;
+  std::vector<TriangleVertices> pending_;  // that wait for their corners
   uint64_t vertices_seen_ = 0;
   uint64_t triangles_seen_ = 0;
   uint64_t bytes_written_ = 0;

@@ -30,7 +30,8 @@ constexpr double kMostFloatSteps = 0x1p21;
 // Binary little endian: x y z, the attributes, then "3 a b c". Positions are float32 when they are
 // float32 values, or lie on a grid whose points stay apart: no coordinate moves by more than an
 // eighth of the grid's step, which is less than what the grid itself may have moved it by. Else,
-// and where that is asked for, they are double.
+// and where that is asked for, they are double. Triangles of a textured mesh have their coordinates
+// behind them, "6 u v u v u v", and the number of their image where there are several.
 class PlyWriter final : public MeshWriter {
  public:
   PlyWriter(const std::string& path, const MeshWriteOptions& options)
@@ -61,6 +62,12 @@ class PlyWriter final : public MeshWriter {
                              std::to_string(vertex_count()) + "; ask for a part of it");
     }
     std::string text = "ply\nformat binary_little_endian 1.0\n";
+    // A single page that nobody has the bytes of is what readers make of no comment.
+    const bool has_comments =
+        is_textured() && (header().textures.size() > 1 || images().has_some());
+    for (uint32_t page = 0; has_comments && page < header().textures.size(); ++page) {
+      text += "comment TextureFile " + images().name(page) + "\n";
+    }
     text += "element vertex " + std::to_string(vertex_count()) + "\n";
     const char* const position_type = doubles_ ? "double" : "float";
     for (const char* axis : {"x", "y", "z"}) {
@@ -72,7 +79,9 @@ class PlyWriter final : public MeshWriter {
     }
     text += "element face " + std::to_string(triangle_count()) + "\n";
     text += std::string("property list uchar ") + (vertex_count() > kMaxInt ? "uint" : "int") +
-            " vertex_indices\nend_header\n";
+            " vertex_indices\n";
+    if (is_textured()) text += "property list uchar float texcoord\nproperty int texnumber\n";
+    text += "end_header\n";
     return file().Append(text);
   }
 
@@ -123,6 +132,31 @@ class PlyWriter final : public MeshWriter {
       out[0] = std::byte{3};
       std::memcpy(out + 1, v, sizeof(v));
       out += kTriangleBytes;
+    }
+    return file().Append(buffer_);
+  }
+
+  bool has_textures() const override { return true; }
+  Status WriteTexturedTriangles(std::span<const TriangleVertices> triangles,
+                                std::span<const TextureCorner> corners) override {
+    constexpr size_t kTriangleBytes = 13 + 1 + 6 * sizeof(float) + sizeof(int32_t);
+    buffer_.resize(triangles.size() * kTriangleBytes);
+    std::byte* out = buffer_.data();
+    const auto put = [&out](auto value) {
+      std::memcpy(out, &value, sizeof(value));
+      out += sizeof(value);
+    };
+    for (const TriangleVertices& t : triangles) {
+      put(uint8_t{3});
+      for (const VertexIndex v : t) put(static_cast<uint32_t>(v));
+      put(uint8_t{6});
+      const uint32_t page = corners.front().page;
+      for (const TextureCorner& corner : corners.first(3)) {
+        put(corner.u);
+        put(corner.v);
+      }
+      put(page == TextureCorner::kNoPage ? int32_t{-1} : static_cast<int32_t>(page));
+      corners = corners.subspan(3);
     }
     return file().Append(buffer_);
   }

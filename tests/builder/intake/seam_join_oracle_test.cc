@@ -59,7 +59,7 @@ SeamJoinTotals Join(const TriangleMesh& mesh, bool doubles, size_t memory, Spool
   }
   REQUIRE(s->vertices.Finish().ok());
   REQUIRE(s->triangles.Finish().ok());
-  const SeamJoinInput input{&s->vertices, (doubles ? 24u : 12u) + row, doubles, &s->triangles};
+  const SeamJoinInput input{&s->vertices, (doubles ? 24u : 12u) + row, doubles, &s->triangles, {}};
   const Result<SeamJoinTotals> totals = JoinSeams(input, &s->space, memory, &s->left, &s->kept);
   INFO(totals.status().message());
   REQUIRE(totals.ok());

@@ -93,8 +93,9 @@ void RunRounds(TileDecimator& decimator, std::vector<TileTriangle> tile, const G
     if (result.removals.empty()) return;
     TriangleBlock block;
     block.triangles = std::move(tile);
-    TileCluster cluster = MakeTileCluster(
-        block, {}, result, grid, {}, {surface.empty() ? round : surface.round, options.surface});
+    TileCluster cluster =
+        MakeTileCluster(block, {}, result, grid, {}, {},
+                        {surface.empty() ? round : surface.round, options.surface});
     surfaces.push_back(std::make_unique<SurfaceSpool>(round, &Space(), 1 << 20));
     REQUIRE(surfaces.back()->Add(4 + round, cluster.surface).ok());
     REQUIRE(surfaces.back()->Finish().ok());

@@ -31,6 +31,10 @@ class FailingWriter final : public ObjectWriter {
     if (left_-- == 0) return Failure();
     return writer_->Add(entry, children, payload);
   }
+  Status AddTexturePage(uint32_t page, ByteSpan part) override {
+    if (left_-- == 0) return Failure();
+    return writer_->AddTexturePage(page, part);
+  }
   Result<ObjectRecord> Publish(const ObjectRecord& record, const BeforePublish& before) override {
     if (left_-- == 0) return Failure();
     return writer_->Publish(record, before);

@@ -13,7 +13,7 @@ using namespace internal;
 
 TEST_CASE("A tile's job answers the same, whoever does it, and whatever it has done before") {
   const Rounds rounds(MakeSculpture(4000), 3);
-  const TileSetting setting{rounds.grid, {}, {}};
+  const TileSetting setting{rounds.grid, {}, {}, {}};
   TileJob job;
   job.setting = &setting;
   job.round = 2;

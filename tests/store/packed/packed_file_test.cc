@@ -47,7 +47,10 @@ struct Packed {
 
 Packed MakePacked(const TempDir& dir, uint32_t clusters, uint32_t max_payload) {
   Packed p;
-  p.first = MakeObject({.seed = 1, .clusters = clusters, .max_payload = max_payload});
+  p.first = MakeObject({.seed = 1,
+                        .clusters = clusters,
+                        .max_payload = max_payload,
+                        .page_bytes = {max_payload, 0, 1, 2 * size_t{max_payload}}});
   p.second = MakeObject({.seed = 2, .clusters = clusters / 4, .max_payload = 2 * max_payload});
   const auto store = OpenWritable(dir.File("store.mtdb"));
   REQUIRE(WriteObject(*store, "second", p.second).ok());
@@ -225,6 +228,7 @@ Status ReadLate(const Bytes& bytes, const Packed& packed, uint64_t seed, double 
     MTDB_ASSIGN_OR_RETURN(const PackedObject* const entry, file->Find(name));
     MTDB_ASSIGN_OR_RETURN(const auto source, PackedSource::Open(file, *entry, false));
     MTDB_RETURN_IF_ERROR(ReadFromTop(*source, *object, 1 + seed % 50));
+    MTDB_RETURN_IF_ERROR(CompareFiles(*source, *object));
   }
   return Status::Ok();
 }
@@ -282,7 +286,8 @@ TEST_CASE("what is packed is read and unpacked as it was", "[packed]") {
 TEST_CASE("an image of an object has the bytes of its packed file, in any range") {
   const TempDir dir;
   const uint32_t clusters = GENERATE(1, 40, 700);
-  const SyntheticObject object = MakeObject({.seed = 7, .clusters = clusters, .max_payload = 900});
+  const SyntheticObject object = MakeObject(
+      {.seed = 7, .clusters = clusters, .max_payload = 900, .page_bytes = {0, 1, 3 << 20, 999}});
   const auto store = OpenWritable(dir.File("store.mtdb"));
   REQUIRE(WriteObject(*store, "one", object).ok());
   const Bytes file = PackAll(*store, {"one"});
@@ -416,6 +421,42 @@ TEST_CASE("a header that claims a directory larger than any is refused before it
     REQUIRE(!database.ok());
     CHECK_THAT(database.status().message(), Catch::Contains("impossible numbers"));
   }
+}
+
+TEST_CASE("a directory whose textures are not in its objects' bytes is refused", "[packed]") {
+  const TempDir dir;
+  const Packed packed = MakePacked(dir, 20, 100);
+  const std::string path = dir.File("changed.mtdbp");
+  const auto opened = [&](const std::function<void(PackedObject*)>& change) {
+    PackedHeader header = DecodePackedHeader(packed.bytes, packed.bytes.size(), "file").value();
+    std::vector<PackedObject> objects =
+        DecodePackedDirectory(
+            ByteSpan(packed.bytes).subspan(kPackedHeaderBytes, header.directory_bytes), header,
+            "file")
+            .value();
+    change(&objects[0]);
+    const Bytes directory = EncodePackedDirectory(objects);
+    REQUIRE(directory.size() == header.directory_bytes);
+    SetContentHash(directory, &header);
+    Bytes bytes = packed.bytes;
+    const Bytes head = EncodePackedHeader(header);
+    std::ranges::copy(head, bytes.begin());
+    std::ranges::copy(directory, bytes.begin() + kPackedHeaderBytes);
+    WriteFile(path, bytes);
+    return Database::Open(path).status();
+  };
+  CHECK(opened([](PackedObject*) {}).message() == "");
+  CHECK(VerifyFailures(path) == "");
+  const auto larger = [](uint64_t bytes) {
+    return [=](PackedObject* o) { o->record.texture->pages[3].bytes = bytes; };
+  };
+  REQUIRE(packed.first.files[3].size() == 200);  // its length takes two bytes
+  CHECK(opened(larger(16000)).code() == StatusCode::kCorrupt);
+  // Into the last payload: found when that is read, or the file.
+  CHECK_FALSE((opened(larger(201)).ok() && VerifyFailures(path) == ""));
+  CHECK_FALSE((opened(larger(199)).ok() && VerifyFailures(path) == ""));
+  CHECK(opened([](PackedObject* o) { o->record.texture->pages[0].checksum ^= 1; }).ok());
+  CHECK_THAT(VerifyFailures(path), Catch::Contains("object first: page 0 (page1.jpg): checksum"));
 }
 
 TEST_CASE("reads that fail are errors of what needs them, and may be tried again", "[packed]") {

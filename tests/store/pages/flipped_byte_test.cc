@@ -18,10 +18,11 @@ namespace {
 
 struct SmallStore {
   SyntheticObject first = MakeObject({.seed = 1, .clusters = 700, .max_payload = 300});
-  SyntheticObject second = MakeObject({.seed = 2, .clusters = 30, .max_payload = 9000});
+  SyntheticObject second = MakeObject(
+      {.seed = 2, .clusters = 30, .max_payload = 9000, .page_bytes = {0, 1, 1800, 9000, 270000}});
   Bytes bytes;
   std::vector<bool> covered;        // by the walker
-  std::vector<uint64_t> structure;  // covered bytes outside of clusters' payloads
+  std::vector<uint64_t> structure;  // covered bytes outside of payloads and files
   std::vector<uint64_t> tree;       // covered bytes outside of all values
 };
 
@@ -49,12 +50,13 @@ SmallStore MakeSmallStore(const std::string& path) {
   REQUIRE(WalkPages(snapshot->pages(), options).failures == std::vector<std::string>());
   std::vector<bool> payload(store.bytes.size(), false);
   std::vector<bool> value(store.bytes.size(), false);
-  for (const Table table : {Table::kCatalog, Table::kUnits, Table::kIndex}) {
+  for (const Table table : {Table::kCatalog, Table::kUnits, Table::kIndex, Table::kTextures}) {
     const auto scanned =
         snapshot->Scan(table, {}, [&](ByteSpan, const ValueRef& v) -> Result<bool> {
           const auto at = static_cast<ptrdiff_t>(v.file_offset);
           std::fill_n(value.begin() + at, v.size, true);
-          if (table == Table::kUnits) std::fill_n(payload.begin() + at, v.size, true);
+          const bool is_bulk = table == Table::kUnits || table == Table::kTextures;
+          if (is_bulk) std::fill_n(payload.begin() + at, v.size, true);
           return true;
         });
     REQUIRE(scanned.ok());
@@ -98,6 +100,7 @@ TEST_CASE("a flipped byte is never read as if it were right, and verify reports 
   uint64_t written = 0;
   for (const SyntheticObject* o : {&store.first, &store.second}) {
     for (const auto& u : o->units) written += u.payload.size() + 8;
+    for (const Bytes& file : o->files) written += file.size();
   }
   const auto covered =
       static_cast<uint64_t>(std::count(store.covered.begin(), store.covered.end(), true));

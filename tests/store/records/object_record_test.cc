@@ -6,6 +6,7 @@
 #include <limits>
 #include <random>
 
+#include "store/texture_pages.h"
 #include "tests/store/store_fixture.h"
 
 namespace mtdb::test {
@@ -68,8 +69,19 @@ ObjectRecord RasterRecord() {
   return o;
 }
 
+ObjectRecord TexturedRecord() {
+  ObjectRecord o = FullRecord();
+  TextureRecord& t = o.texture.emplace();
+  t.step = 1.0 / 4096;
+  t.scale = 12.5;
+  t.rounding = 1.0 / 8192;
+  t.pages = {{"atlas.jpg", "image/jpeg", 4096, 2048, kMostPageBytes, ~uint64_t{0}},
+             {"caf\xc3\xa9 2.png", "", 0, 0, 0, 0}};
+  return o;
+}
+
 TEST_CASE("a record comes back from its bytes, and the bytes from the record", "[store]") {
-  for (const ObjectRecord& o : {FullRecord(), RasterRecord(), [] {
+  for (const ObjectRecord& o : {FullRecord(), RasterRecord(), TexturedRecord(), [] {
                                   ObjectRecord least;
                                   least.id = ObjectId{1};
                                   least.name = std::string(500, 'n');
@@ -91,6 +103,7 @@ TEST_CASE("a record comes back from its bytes, and the bytes from the record", "
     CHECK(decoded->units == o.units);
     CHECK(decoded->georeference == o.georeference);
     CHECK(decoded->raster == o.raster);
+    CHECK(decoded->texture == o.texture);
     CHECK(decoded->up == o.up);
     CHECK(decoded->input == o.input);
     CHECK(decoded->vertices == o.vertices);
@@ -151,8 +164,31 @@ TEST_CASE("what is up has length 1, and records of older programs do not say it"
   CHECK(!older->up.has_value());
 }
 
+TEST_CASE("pages that no folder could hold, and files that are too large, are refused", "[store]") {
+  const auto decodes = [](const auto& change) {
+    ObjectRecord o = TexturedRecord();
+    change(*o.texture);
+    return DecodeObjectRecord(EncodeObjectRecord(o), "r").ok();
+  };
+  CHECK(decodes([](TextureRecord&) {}));
+  CHECK(decodes([](TextureRecord& t) { t.pages.clear(); }));
+  for (const std::string& name :
+       {std::string(), std::string("."), std::string(".."), std::string("../a.jpg"),
+        std::string("/a.jpg"), std::string("a\\b.jpg"), std::string("a\nb.jpg"),
+        std::string("a\0b", 3), std::string("\xff.jpg"), std::string(256, 'a')}) {
+    INFO(name);
+    CHECK_FALSE(decodes([&](TextureRecord& t) { t.pages[1].name = name; }));
+  }
+  CHECK(decodes([](TextureRecord& t) { t.pages[1].name = std::string(255, 'a'); }));
+  CHECK_FALSE(decodes([](TextureRecord& t) { t.pages[1].media_type = "image/jpeg\n"; }));
+  CHECK_FALSE(decodes([](TextureRecord& t) { t.pages[0].bytes = kMostPageBytes + 1; }));
+  CHECK_FALSE(decodes([](TextureRecord& t) { t.pages[0].bytes = 0; }));  // but a checksum
+  CHECK_FALSE(decodes([](TextureRecord& t) { t.step = -1; }));
+  CHECK_FALSE(decodes([](TextureRecord& t) { t.scale = std::nan(""); }));
+}
+
 TEST_CASE("every prefix of a record, and every longer record, fails", "[store]") {
-  Bytes bytes = EncodeObjectRecord(RasterRecord());
+  Bytes bytes = EncodeObjectRecord(GENERATE(RasterRecord(), TexturedRecord()));
   for (size_t size = 0; size < bytes.size(); ++size) {
     INFO(size);
     const auto decoded = DecodeObjectRecord(ByteSpan(bytes).first(size), "r");
@@ -166,9 +202,10 @@ TEST_CASE("every prefix of a record, and every longer record, fails", "[store]")
 TEST_CASE("a changed record gives an error or another valid record, never more", "[store]") {
   const Bytes plain = EncodeObjectRecord(FullRecord());
   const Bytes raster = EncodeObjectRecord(RasterRecord());
+  const Bytes textured = EncodeObjectRecord(TexturedRecord());
   std::mt19937_64 random(3);
-  for (int i = 0; i < 20000; ++i) {
-    Bytes changed = i % 2 == 0 ? plain : raster;
+  for (int i = 0; i < 30000; ++i) {
+    Bytes changed = i % 3 == 0 ? plain : i % 3 == 1 ? raster : textured;
     for (uint64_t k = random() % 3 + 1; k > 0; --k) {
       changed[random() % changed.size()] = static_cast<std::byte>(random());
     }

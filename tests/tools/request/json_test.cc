@@ -38,6 +38,12 @@ TEST_CASE("every verb answers in JSON as docs/json.md has it", "[cli]") {
   run({"info", far});
   run({"ingest", mesh, store, "--name", "patch", "--normal-bits", "10", "--attribute-step",
        "quality=0.25"});
+  const std::string textured = folder.File("textured.obj");
+  WriteText(folder.File("textured.mtl"), "newmtl m\nmap_Kd none.png\n");
+  WriteText(textured,
+            "mtllib textured.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0.3\nvt 0 0\nvt 1 0\n"
+            "vt 1 1\nvt 0 1\nusemtl m\nf 1/1 2/2 3/3 4/4\n");
+  run({"ingest", textured, store, "--name", "textured"});
   run({"generate", "terrain", folder.File("t.ply"), "--triangles", "20k"});
   run({"ingest", folder.File("t.ply"), store, "--name", "t", "--weld", "--bits", "12"});
   const std::string raster = folder.File("a.asc");

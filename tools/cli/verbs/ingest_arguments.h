@@ -28,6 +28,8 @@ struct IngestArguments {
   std::optional<double> weld;
   bool keep_apart = false;
   bool orient = false;
+  std::optional<double> texture_step;
+  bool drop_texture = false;
   std::optional<int> normal_bits;
   std::vector<AttributeStep> attribute_steps;
   unsigned threads = 0;

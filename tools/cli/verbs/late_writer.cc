@@ -41,6 +41,11 @@ Result<UnitId> LateWriter::Add(const UnitEntry& entry, std::span<const UnitId> c
   return writer_->Add(entry, children, payload);
 }
 
+Status LateWriter::AddTexturePage(uint32_t page, ByteSpan part) {
+  MTDB_RETURN_IF_ERROR(Begin());
+  return writer_->AddTexturePage(page, part);
+}
+
 Result<ObjectRecord> LateWriter::Publish(const ObjectRecord& record, const BeforePublish& before) {
   MTDB_RETURN_IF_ERROR(Begin());
   return writer_->Publish(record, before);

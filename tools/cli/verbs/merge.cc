@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cstring>
 #include <unistd.h>
+#include <utility>
 
 namespace mtdb {
 
@@ -30,16 +31,19 @@ class HeaderSink final : public MeshSink {
 // Appends a file to the common mesh: vertices numbered on, rows cut to the common attributes.
 class PartSink final : public MeshSink {
  public:
-  PartSink(MeshSink& sink, const MeshHeader& common, VertexIndex first, uint64_t soup_bytes)
+  // `first_page`: of the file's pages among all.
+  PartSink(MeshSink& sink, const MeshHeader& common, VertexIndex first, uint32_t first_page,
+           uint64_t soup_bytes)
       : sink_(sink),
-        common_(common.attributes),
-        soup_(common.soup),
+        common_(common),
         soup_bytes_(soup_bytes),
-        first_(first) {}
+        first_(first),
+        first_page_(first_page) {}
 
   Status Begin(const MeshHeader& header) override {
     from_row_ = header.attributes.row_bytes();
-    for (const VertexAttribute& a : common_.attributes) {
+    textured_ = header.textured;
+    for (const VertexAttribute& a : common_.attributes.attributes) {
       size_t offset = 0;
       for (const VertexAttribute& b : header.attributes.attributes) {
         if (a == b) break;
@@ -65,25 +69,53 @@ class PartSink final : public MeshSink {
     for (TriangleVertices& t : triangles_) {
       for (VertexIndex& v : t) v += first_;
     }
-    return sink_.AddTriangles(triangles_);
+    MTDB_RETURN_IF_ERROR(sink_.AddTriangles(triangles_));
+    if (!common_.textured || textured_) return Status::Ok();
+    corners_.assign(3 * triangles.size(), TextureCorner{0, 0, TextureCorner::kNoPage});
+    return sink_.AddCorners(corners_);
+  }
+  Status AddCorners(std::span<const TextureCorner> corners) override {
+    if (!common_.textured) return Status::Ok();
+    corners_.assign(corners.begin(), corners.end());
+    for (TextureCorner& corner : corners_) {
+      if (corner.page != TextureCorner::kNoPage) corner.page += first_page_;
+    }
+    return sink_.AddCorners(corners_);
   }
   Status End() override { return Status::Ok(); }
-  bool joins_soup() const override { return soup_; }
+  bool joins_soup() const override { return common_.soup; }
   uint64_t soup_bytes() const override { return soup_bytes_; }
   uint64_t count() const { return count_; }
 
  private:
   MeshSink& sink_;
-  const AttributeLayout& common_;
-  bool soup_;
+  const MeshHeader& common_;
   uint64_t soup_bytes_;
   VertexIndex first_;
+  uint32_t first_page_;
+  bool textured_ = false;
   uint64_t count_ = 0;
   size_t from_row_ = 0;
   std::vector<std::pair<size_t, size_t>> fields_;  // offset and size in a file's row
   Bytes rows_;
   std::vector<TriangleVertices> triangles_;
+  std::vector<TextureCorner> corners_;
 };
+
+// Appends a file's pages. Names that are there already get a number before them.
+void AddPages(const MeshHeader& file, MeshHeader& common) {
+  common.textured |= file.textured;
+  for (const Texture& page : file.textures) {
+    const auto is_there = [&](const std::string& name) {
+      return std::ranges::find(common.textures, name, &Texture::name) != common.textures.end();
+    };
+    Texture& added = common.textures.emplace_back(page);
+    const std::string name = std::exchange(added.name, "");
+    std::string unique = name;
+    for (int n = 2; is_there(unique); ++n) unique = std::to_string(n) + "_" + name;
+    added.name = unique;
+  }
+}
 
 void DropMissing(AttributeLayout& layout, const AttributeLayout& other, const std::string& path,
                  std::vector<std::string>* notes) {
@@ -152,12 +184,15 @@ Status ReadMeshes(const std::vector<MeshInput>& inputs, MeshSink& sink,
     return Status::Ok();
   }
   MeshHeader common;
+  std::vector<uint32_t> first_pages;
   for (size_t i = 0; i < inputs.size(); ++i) {
     HeaderSink header;
     MeshReadReport report;
     const Status status = inputs[i].Read(header, &report);
     if (!status.ok() && status.code() != StatusCode::kCancelled) return status;
     const MeshHeader& h = header.header();
+    first_pages.push_back(static_cast<uint32_t>(common.textures.size()));
+    AddPages(h, common);
     if (i == 0) {
       common.attributes = h.attributes;
       common.double_positions = h.double_positions;
@@ -172,10 +207,12 @@ Status ReadMeshes(const std::vector<MeshInput>& inputs, MeshSink& sink,
     common.from_text |= h.from_text;
     common.soup &= h.soup;
   }
+  common.soup &= !common.textured;
   MTDB_RETURN_IF_ERROR(sink.Begin(common));
   VertexIndex first = 0;
-  for (const MeshInput& input : inputs) {
-    PartSink part(sink, common, first, soup_bytes);
+  for (size_t i = 0; i < inputs.size(); ++i) {
+    const MeshInput& input = inputs[i];
+    PartSink part(sink, common, first, first_pages[i], soup_bytes);
     MeshReadReport report;
     MTDB_RETURN_IF_ERROR(input.Read(part, &report));
     Note(input.path(), report, notes);

@@ -98,8 +98,7 @@ void PrintSummary(const ObjectRecord& r, uint64_t file_bytes) {
   note(in.turned_triangles, "triangles turned over, so that their sheets are consistent");
   note(in.unorientable_sheets,
        "sheets with one side only, as a Moebius band; they cannot be oriented");
-  std::printf("  %.1f bits per vertex; the store has %s\n",
-              8.0 * static_cast<double>(r.stored_bytes) / static_cast<double>(r.vertices),
+  std::printf("  %.1f bits per vertex; the store has %s\n", BitsPerVertex(r),
               SizeText(file_bytes).c_str());
 }
 
@@ -139,6 +138,8 @@ BuildOptions OptionsOf(const IngestArguments& arguments, const std::string& stor
   options.weld = arguments.weld;
   options.keep_apart = arguments.keep_apart;
   options.orient = arguments.orient;
+  options.texture_step = arguments.texture_step;
+  options.drop_texture = arguments.drop_texture;
   options.normal_bits = arguments.normal_bits;
   options.attribute_steps = arguments.attribute_steps;
   options.up = arguments.up;
@@ -283,6 +284,7 @@ Status Ingest(const IngestArguments& arguments) {
   }
   MTDB_ASSIGN_OR_RETURN(const uint64_t file_bytes, writer.StoreBytes());
   if (raster != nullptr) notes = raster->Notes();
+  notes.insert(notes.end(), report.texture_notes.begin(), report.texture_notes.end());
   if (arguments.json) {
     Json json = RecordJson(*record, file_bytes);
     json["accuracy"] = AccuracyJson(report.survey);
@@ -398,6 +400,12 @@ void AddAttributes(VerbOptions* verb, IngestArguments* a) {
   AddParsedList(
       verb, "--attribute-step", "NAME=STEP", &a->attribute_steps, ParseAttributeStep,
       "round a float attribute to multiples of a step (default: lossless); may be repeated");
+  verb->AddFlag("--drop-texture", a->drop_texture,
+                "leave texture coordinates and images out, so that seams of the texture hold no "
+                "vertex (default: kept)");
+  AddParsed(verb, "--texture-step", "STEP", &a->texture_step, ParseNonNegative,
+            "round texture coordinates to multiples of STEP, 0 to keep them as they are (default: "
+            "an eighth of a texel of the largest image)");
   AddParsed(verb, "--up", "AXIS", &a->up, ParseUp,
             "what is up in pictures and in the viewer: x, y, z, -x, -y, -z (as --up=-y), or a "
             "vector X,Y,Z (default: found from the shape; terrains: z)");

@@ -1,5 +1,4 @@
 // SPDX-License-Identifier: Apache-2.0
-#include <cmath>
 #include <cstdio>
 #include <filesystem>
 #include <map>
@@ -15,16 +14,15 @@
 #include "store/database.h"
 #include "store/verify_store.h"
 #include "tools/cli/grouped.h"
+#include "tools/cli/mesh_report.h"
 #include "tools/cli/options.h"
 #include "tools/cli/raster_ingest.h"
-#include "tools/cli/raster_text.h"
 #include "tools/cli/verbs.h"
 #include "tools/cli/verbs/ingest_arguments.h"
 #include "tools/cli/verbs/ingest_journal.h"
 #include "tools/client/printable.h"
 #include "tools/request/arguments.h"
 #include "tools/request/report_json.h"
-#include "tools/request/root_reason.h"
 #include "tools/tiles/verify/verify_tiles.h"
 
 namespace mtdb {
@@ -69,79 +67,6 @@ Result<BitsPerVertex> MeasureStreams(const Database& database, const ObjectRecor
     bits[name] = 8.0 * static_cast<double>(n) / static_cast<double>(record.vertices);
   }
   return bits;
-}
-
-// The raster that the object was, as it came.
-void PrintRaster(const ObjectRecord& r) {
-  const RasterFrame& f = *r.raster;
-  std::printf("  raster       %s\n", RasterSizeText(f).c_str());
-  std::printf("  samples      %s\n", SamplePlacesText(f).c_str());
-  const std::string units = f.height_units.empty() ? "" : " " + Printable(f.height_units);
-  std::printf("  heights      %.9g to %.9g%s, in steps of %.9g", r.bounds.min.z, r.bounds.max.z,
-              units.c_str(), r.grid.step);
-  if (!f.vertical_datum.empty()) std::printf(", datum %s", Printable(f.vertical_datum).c_str());
-  if (f.nodata) std::printf(", nodata was %.9g", *f.nodata);
-  std::printf(", rounded by up to %.6g\n", r.rounding_error);
-  if (f.filled > 0)
-    std::printf("  filled       %s samples that had no height\n", Grouped(f.filled).c_str());
-  const std::array<double, 2> unit = MetresOfUnit(r);
-  if (unit[1] != 1) {
-    std::printf("  a degree     %.6g m along x, %.6g m along y, at the middle\n", unit[0], unit[1]);
-  }
-  std::printf("  crs          %s\n",
-              r.georeference.empty() ? "not known" : Printable(r.georeference).c_str());
-}
-
-// "y", "-z", or the numbers of another vector.
-std::string UpText(Vec3d up) {
-  for (int i = 0; i < 3; ++i) {
-    if (std::fabs(up[i]) > 1 - 1e-9) return std::string(up[i] < 0 ? "-" : "") + "xyz"[i];
-  }
-  char text[100];
-  std::snprintf(text, sizeof(text), "%.6g %.6g %.6g", up.x, up.y, up.z);
-  return text;
-}
-
-void PrintInfo(const ObjectRecord& r) {
-  std::printf("%s\n", r.name.c_str());
-  std::printf("  surface      %s\n", SurfaceText(r).c_str());
-  std::printf("  bounds       %.9g %.9g %.9g to %.9g %.9g %.9g, diagonal %.6g\n", r.bounds.min.x,
-              r.bounds.min.y, r.bounds.min.z, r.bounds.max.x, r.bounds.max.y, r.bounds.max.z,
-              r.diagonal());
-  if (!r.units.empty()) std::printf("  units        %s\n", Printable(r.units).c_str());
-  if (r.up) {
-    std::printf("  up           %s%s\n", UpText(r.up->direction).c_str(),
-                r.up->given    ? ", as ingest was told"
-                : IsTerrain(r) ? ""
-                               : ", found from the shape");
-  }
-  if (r.raster) {
-    PrintRaster(r);
-  } else if (r.grid.mode == PositionMode::kLossless) {
-    std::printf("  positions    float32, lossless\n");
-  } else {
-    std::printf("  positions    %d bits, step %.6g, rounded by up to %.6g\n", r.bits, r.grid.step,
-                r.rounding_error);
-  }
-  if (r.error_measure == ErrorMeasure::kVertical) {
-    std::printf("  errors       vertical: differences in height\n");
-  }
-  for (const VertexAttribute& a : r.attributes.attributes) {
-    std::printf("  attribute    %s", a.name.c_str());
-    if (a.step > 0) std::printf(", step %.6g", a.step);
-    if (a.normal_bits > 0) std::printf(" and the next two: a normal of 2 x %d bits", a.normal_bits);
-    std::printf("\n");
-  }
-  std::printf("  MT           %s nodes in %u clusters, depth %u, degree up to %u, %zu rounds\n",
-              Grouped(r.nodes).c_str(), r.clusters, r.depth, r.max_degree, r.rounds.size());
-  std::printf("  root         %s triangles, error up to %.6g\n", Grouped(r.root_triangles).c_str(),
-              r.grid.Error(r.error_code_max));
-  std::printf("               %s\n", RootReasonText(r).c_str());
-  std::printf("  size         %s bytes, %.2f bits per vertex\n", Grouped(r.stored_bytes).c_str(),
-              r.vertices == 0
-                  ? 0.0
-                  : 8.0 * static_cast<double>(r.stored_bytes) / static_cast<double>(r.vertices));
-  std::printf("  digest       %s\n", r.digest_hex().c_str());
 }
 
 Json JournalsJson(const std::vector<IngestJournal>& journals) {

@@ -37,6 +37,9 @@ class TimedSink final : public MeshSink {
   Status AddTriangles(std::span<const TriangleVertices> triangles) override {
     return Timed([&] { return sink_.AddTriangles(triangles); });
   }
+  Status AddCorners(std::span<const TextureCorner> corners) override {
+    return Timed([&] { return sink_.AddCorners(corners); });
+  }
   Status End() override {
     return Timed([&] { return sink_.End(); });
   }

@@ -6,7 +6,6 @@
 #include <chrono>
 #include <condition_variable>
 #include <cstdio>
-#include <cstdlib>
 #include <fcntl.h>
 #include <filesystem>
 #include <sys/stat.h>
@@ -60,6 +59,9 @@ class GuardedSink final : public MeshSink {
   Status AddTriangles(std::span<const TriangleVertices> triangles) override {
     MTDB_RETURN_IF_ERROR(Check());
     return sink_.AddTriangles(triangles);
+  }
+  Status AddCorners(std::span<const TextureCorner> corners) override {
+    return sink_.AddCorners(corners);
   }
   Status End() override {
     MTDB_RETURN_IF_ERROR(Check());
