@@ -75,7 +75,8 @@ struct BuildOptions {
   // Rounds the float attributes of these names to multiples of their steps.
   std::vector<AttributeStep> attribute_steps;
   // Of textured input: u and v are rounded to multiples of this, up to 1; 0: they stay as they are.
-  // None: an eighth of a texel of the largest page, 2^-15 where no size is known; 0 when lossless.
+  // None: an eighth of a texel of the largest page, 2^-15 where no size is known, and more where u
+  // and v are beyond 2^22 steps; 0 when lossless.
   std::optional<double> texture_step;
   // Texture coordinates are not kept, so that seams of the texture are no creases.
   bool drop_texture = false;

@@ -77,14 +77,16 @@ class CornerSpool {
   double rounding() const { return step_ * 0.7072; }
   const Spool& spool() const { return spool_; }
 
-  // Begins to drop some: Keep() for each triangle, in their order, then EndKeeping().
+  // Begins to change what is there: Keep() for each triangle, in their order, then EndKeeping().
   void BeginKeeping() {
     old_ = std::exchange(spool_, Spool(space_, memory_bytes_));
     reader_.emplace(&*old_);
   }
-  Status Keep(bool stays) {
+  // `turned`: the triangle was turned over, which exchanges its last two corners.
+  Status Keep(bool stays, bool turned = false) {
     TriangleCorners corners;
     if (!reader_->Get(&corners)) return reader_->status();
+    if (turned) std::swap(corners[1], corners[2]);
     return stays ? spool_.Append(corners.data(), sizeof(corners)) : Status::Ok();
   }
   Status EndKeeping() {
@@ -97,13 +99,6 @@ class CornerSpool {
     if (!old_) return;
     reader_.reset();
     spool_ = *std::exchange(old_, std::nullopt);
-  }
-  // Likewise: turns triangles over, which exchanges their last two corners.
-  Status PutNext(bool turned) {
-    TriangleCorners corners;
-    if (!reader_->Get(&corners)) return reader_->status();
-    if (turned) std::swap(corners[1], corners[2]);
-    return spool_.Append(corners.data(), sizeof(corners));
   }
 
  private:

@@ -63,7 +63,7 @@ Status InputMesh::TurnOver(const SpoolSpace* space, size_t memory_bytes,
     if (!reader.Get(&t)) return reader.status();
     MTDB_ASSIGN_OR_RETURN(const bool turn, turned());
     if (turn) std::swap(t[1], t[2]);
-    if (textured()) MTDB_RETURN_IF_ERROR(corners_.PutNext(turn));
+    if (textured()) MTDB_RETURN_IF_ERROR(corners_.Keep(true, turn));
     MTDB_RETURN_IF_ERROR(triangle_spool_.Append(t.data(), kTriangleBytes));
   }
   if (textured()) MTDB_RETURN_IF_ERROR(corners_.EndKeeping());

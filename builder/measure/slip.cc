@@ -4,16 +4,12 @@
 #include <algorithm>
 #include <cmath>
 
+#include "store/base/nearest_places.h"
+
 namespace mtdb::internal {
 namespace {
 
 using Weights = std::array<double, 3>;
-
-double AlongSegment(Vec3d p, Vec3d a, Vec3d b) {
-  const Vec3d ab = b - a;
-  const double length2 = SquaredLength(ab);
-  return length2 > 0 ? std::clamp(Dot(p - a, ab) / length2, 0.0, 1.0) : 0.0;
-}
 
 // Of the corners, for the nearest point of a triangle.
 Weights NearestInTriangle(Vec3d p, const std::array<Vec3d, 3>& t) {
@@ -30,7 +26,7 @@ Weights NearestInTriangle(Vec3d p, const std::array<Vec3d, 3>& t) {
   double least = SquaredLength(ap);
   for (size_t e = 0; e < 3; ++e) {
     const size_t f = (e + 1) % 3;
-    const double s = AlongSegment(p, t[e], t[f]);
+    const double s = NearestOnSegment(p, t[e], t[f]);
     const double squared = SquaredLength(t[e] + (t[f] - t[e]) * s - p);
     if (squared > least) continue;
     least = squared;
@@ -39,25 +35,6 @@ Weights NearestInTriangle(Vec3d p, const std::array<Vec3d, 3>& t) {
     best[f] = s;
   }
   return best;
-}
-
-// Places along ab and cd of two nearest points.
-std::array<double, 2> NearestOnSegments(Vec3d a, Vec3d b, Vec3d c, Vec3d d) {
-  const Vec3d u = b - a, v = d - c, r = a - c;
-  const double uu = Dot(u, u), vv = Dot(v, v), uv = Dot(u, v), ur = Dot(u, r), vr = Dot(v, r);
-  if (uu <= 0) return {0, AlongSegment(a, c, d)};
-  if (vv <= 0) return {AlongSegment(c, a, b), 0};
-  const double denominator = uu * vv - uv * uv;
-  double s = denominator > 0 ? std::clamp((uv * vr - ur * vv) / denominator, 0.0, 1.0) : 0.0;
-  double t = (uv * s + vr) / vv;
-  if (t < 0) {
-    t = 0;
-    s = std::clamp(-ur / uu, 0.0, 1.0);
-  } else if (t > 1) {
-    t = 1;
-    s = std::clamp((uv - ur) / uu, 0.0, 1.0);
-  }
-  return {s, t};
 }
 
 TexturedPoint Between(const TexturedPoint& a, const TexturedPoint& b, double s) {
@@ -72,8 +49,8 @@ double Apart(const TexturedPoint& p, const TexturedPoint& q) {
 }  // namespace
 
 double PointSegmentSlip(const TexturedPoint& p, const TexturedPoint& a, const TexturedPoint& b) {
-  return std::min(Apart(p, Between(a, b, AlongSegment(p.place, a.place, b.place))),
-                  Apart(p, Between(a, b, AlongSegment(p.texture, a.texture, b.texture))));
+  return std::min(Apart(p, Between(a, b, NearestOnSegment(p.place, a.place, b.place))),
+                  Apart(p, Between(a, b, NearestOnSegment(p.texture, a.texture, b.texture))));
 }
 
 double PointTriangleSlip(const TexturedPoint& p, const std::array<TexturedPoint, 3>& t) {

@@ -185,7 +185,6 @@ class Link {
     uint64_t border_edges = 0;        // running away from the vertex
     uint64_t nonmanifold_edges = 0;   // to a larger vertex
     uint64_t inconsistent_edges = 0;  // likewise
-    uint64_t seam_edges = 0;          // likewise
     bool stays = false;               // whatever the error
     bool nonmanifold = false;         // that is not only for seams
     uint32_t fans = 0;                // when they have numbers
@@ -215,7 +214,6 @@ class Link {
     bool known = true;  // the orders of all edges
     uint32_t creases = 0;
     for (const Neighbour& n : neighbours_) {
-      counts.seam_edges += n.seam && v < n.vertex;
       counts.edges += v < n.vertex;
       counts.border_edges += n.uses() == 1 && n.out == 1;
       creases += n.order() != 0;
@@ -506,7 +504,6 @@ class Join {
       totals_.boundary_edges += part.boundary_edges;
       totals_.nonmanifold_edges += part.nonmanifold_edges;
       totals_.inconsistent_edges += part.inconsistent_edges;
-      totals_.seam_edges += part.seam_edges;
       totals_.nonmanifold_vertices += part.nonmanifold_vertices;
       totals_.rounding_error = std::max(totals_.rounding_error, part.rounding_error);
     }
@@ -590,7 +587,6 @@ class Join {
       w.totals.boundary_edges += counts.border_edges;
       w.totals.nonmanifold_edges += counts.nonmanifold_edges;
       w.totals.inconsistent_edges += counts.inconsistent_edges;
-      w.totals.seam_edges += counts.seam_edges;
       w.totals.nonmanifold_vertices += counts.nonmanifold;
       w.numbers[v] = w.fans;
       w.fans += counts.fans;

@@ -26,7 +26,6 @@ struct JoinTotals {
   uint64_t inconsistent_edges = 0;  // of them: of two triangles that run in the same direction
   SheetReport sheets;               // when there are such, unless they are known
   uint64_t nonmanifold_vertices = 0;
-  uint64_t seam_edges = 0;    // of two opposed triangles whose texture coordinates differ there
   double rounding_error = 0;  // see ObjectRecord
   // Sums over edges, in space (model units) and in the image, of kept triangles of some extent in
   // the image.

@@ -39,10 +39,7 @@ MeshHeader CutImpl::HeaderOf(const ObjectRecord& record) {
   header.double_positions = record.double_positions;
   header.bounds = record.bounds;
   header.textured = record.texture.has_value();
-  if (record.texture) {
-    header.texture_step = record.texture->step;
-    header.textures = TexturesOf(record, nullptr);
-  }
+  if (record.texture) header.texture_step = record.texture->step;
   if (record.grid.mode == PositionMode::kGrid) header.position_step = record.grid.step;
   return header;
 }

@@ -37,7 +37,7 @@ class CutImpl {
   };
 
  public:
-  // Of the mesh of any query, without its counts.
+  // Of the mesh of any query, without its counts and pages.
   static MeshHeader HeaderOf(const ObjectRecord& record);
   // The threshold is kept when whoever takes the mesh moves its vertices by up to `sink_rounding`.
   CutImpl(std::shared_ptr<const Surface> surface, const Query& query, double sink_rounding);

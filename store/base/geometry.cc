@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "store/base/geometry.h"
 
+#include "store/base/nearest_places.h"
+
 namespace mtdb {
 
 double SquaredDistancePointBox(Vec3d p, const Box3d& box) {
@@ -21,23 +23,26 @@ double SquaredDistanceBoxBox(const Box3d& a, const Box3d& b) {
   return d2;
 }
 
-double SquaredDistancePointSegment(Vec3d p, Vec3d a, Vec3d b) {
+double NearestOnSegment(Vec3d p, Vec3d a, Vec3d b) {
   const Vec3d ab = b - a;
   const double length2 = SquaredLength(ab);
-  const double t = length2 > 0 ? std::clamp(Dot(p - a, ab) / length2, 0.0, 1.0) : 0.0;
-  return SquaredLength(p - (a + ab * t));
+  return length2 > 0 ? std::clamp(Dot(p - a, ab) / length2, 0.0, 1.0) : 0.0;
+}
+
+double SquaredDistancePointSegment(Vec3d p, Vec3d a, Vec3d b) {
+  return SquaredLength(p - (a + (b - a) * NearestOnSegment(p, a, b)));
 }
 
 // After C. Ericson, "Real-Time Collision Detection" (2005), 5.1.9; with cross products instead of
 // differences of products, which keep their digits when the segments are nearly parallel.
-double SquaredDistanceSegmentSegment(Vec3d a, Vec3d b, Vec3d c, Vec3d d) {
+std::array<double, 2> NearestOnSegments(Vec3d a, Vec3d b, Vec3d c, Vec3d d) {
   const Vec3d u = b - a;
   const Vec3d v = d - c;
   const Vec3d r = a - c;
   const double uu = Dot(u, u);
   const double vv = Dot(v, v);
-  if (uu <= 0) return SquaredDistancePointSegment(a, c, d);
-  if (vv <= 0) return SquaredDistancePointSegment(c, a, b);
+  if (uu <= 0) return {0, NearestOnSegment(a, c, d)};
+  if (vv <= 0) return {NearestOnSegment(c, a, b), 0};
   const Vec3d normal = Cross(u, v);
   const double denominator = SquaredLength(normal);
   const double ur = Dot(u, r);
@@ -51,7 +56,12 @@ double SquaredDistanceSegmentSegment(Vec3d a, Vec3d b, Vec3d c, Vec3d d) {
     t = 1;
     s = std::clamp((uv - ur) / uu, 0.0, 1.0);
   }
-  return SquaredLength((a + u * s) - (c + v * t));
+  return {s, t};
+}
+
+double SquaredDistanceSegmentSegment(Vec3d a, Vec3d b, Vec3d c, Vec3d d) {
+  const auto [s, t] = NearestOnSegments(a, b, c, d);
+  return SquaredLength((a + (b - a) * s) - (c + (d - c) * t));
 }
 
 // After C. Ericson, "Real-Time Collision Detection" (2005), 5.1.5.
