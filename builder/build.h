@@ -18,7 +18,7 @@ namespace mtdb {
 
 // What a stage took. This is not in the record, which does not depend on the machine's speed.
 struct StageCost {
-  std::string stage;       // "read", "join", "round 1", ..., "root", "publish"
+  std::string stage;       // "read", "join", "texture", "round 1", ..., "root", "publish"
   double seconds = 0;      // wall
   double cpu_seconds = 0;  // of all threads
   uint64_t tmp_bytes = 0;  // largest size of the temporary files at the stage's reports

@@ -117,7 +117,7 @@ struct BuildOptions {
 };
 
 struct BuildProgress {
-  const char* stage = "";       // "read", "join", "round", "root", "publish"
+  const char* stage = "";       // "read", "join", "texture", "round", "root", "publish"
   uint32_t round = 0;           // 1 = finest; 0 outside rounds
   uint64_t triangles_done = 0;  // of the stage
   uint64_t triangles_total = 0;

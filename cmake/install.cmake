@@ -30,7 +30,7 @@ foreach(folder store query builder)
 endforeach()
 mtdb_install_targets(query mtdb_base ${mtdb_rooms_of_store} mtdb_store mtdb_coding mtdb_cluster
   mtdb_stream mtdb_mesh_file mtdb_codecs ${mtdb_rooms_of_query} mtdb_query)
-mtdb_install_targets(builder ${mtdb_rooms_of_builder} mtdb_builder)
+mtdb_install_targets(builder mtdb_image_file ${mtdb_rooms_of_builder} mtdb_builder)
 mtdb_install_targets(raster mtdb_raster_file mtdb_gdal)
 mtdb_install_targets(client mtdb_client)
 mtdb_install_targets(show mtdb_request mtdb_viewer mtdb_tiles mtdb_server mtdb_generate mtdb_render)

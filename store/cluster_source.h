@@ -47,12 +47,12 @@ class ClusterSource {
   // True when Read answers all during the call: nothing is gained by asking ahead.
   virtual bool answers_at_once() const { return false; }
 
-  // Bytes of the file of a page of the object's texture (TextureRecord::pages). Waits for them. A
+  // Bytes of a file of the object's texture (TextureRecord::file). Waits for them. A
   // whole file is held against the record's checksum, part of one only as far as that is possible;
   // store/texture_pages.h reads files in parts and checks them. Errors: kInvalidArgument (no such
-  // page, or bytes beyond its file's end), kUnsupported (the source has none), kCorrupt, kNotFound
-  // (the object was removed since), kIoError; they name the object and the page.
-  virtual Result<Bytes> ReadTexturePage(uint32_t page, uint64_t offset, uint64_t bytes);
+  // file, or bytes beyond its end), kUnsupported (the source has none), kCorrupt, kNotFound
+  // (the object was removed since), kIoError; they name the object and the file.
+  virtual Result<Bytes> ReadTextureFile(uint32_t file, uint64_t offset, uint64_t bytes);
 
   // Bytes that were read so far from where the units lie: payloads, checksums and what leads to
   // them, by all handles of the process on the same store. 0 when the source does not count.

@@ -52,13 +52,13 @@ Status CopyTexture(ClusterSource& source, ObjectWriter& writer, const CopyProgre
   const ObjectRecord& record = source.record();
   if (!record.texture) return Status::Ok();
   uint64_t done = record.payload_bytes;
-  for (uint32_t page = 0; page < record.texture->pages.size(); ++page) {
+  for (uint32_t file = 0; file < record.texture->files(); ++file) {
     const auto add = [&](ByteSpan part) {
-      MTDB_RETURN_IF_ERROR(writer.AddTexturePage(page, part));
+      MTDB_RETURN_IF_ERROR(writer.AddTextureFile(file, part));
       done += part.size();
       return progress ? progress(done, BytesToCopy(record)) : Status::Ok();
     };
-    MTDB_RETURN_IF_ERROR(ReadTexturePage(source, page, add));
+    MTDB_RETURN_IF_ERROR(ReadTextureFile(source, file, add));
   }
   return Status::Ok();
 }

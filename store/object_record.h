@@ -83,7 +83,20 @@ struct TextureRecord {
     uint64_t checksum = 0;           // likewise
     friend bool operator==(const Page&, const Page&) = default;
   };
+  // A file of the texture: those of the pages, then that with the tiles of all pages
+  // (store/texture_tiles.h).
+  struct File {
+    uint64_t bytes = 0;  // 0: the store has none
+    uint64_t checksum = 0;
+    friend bool operator==(const File&, const File&) = default;
+  };
   std::vector<Page> pages;
+  File tiles;
+
+  uint32_t files() const { return static_cast<uint32_t>(pages.size()) + 1; }
+  File file(uint32_t i) const {
+    return i < pages.size() ? File{pages[i].bytes, pages[i].checksum} : tiles;
+  }
   friend bool operator==(const TextureRecord&, const TextureRecord&) = default;
 };
 

@@ -27,15 +27,14 @@ class ObjectWriter {
   // repetition. A payload has 1 byte to 1 GiB.
   virtual Result<UnitId> Add(const UnitEntry& entry, std::span<const UnitId> children,
                              ByteSpan payload) = 0;
-  // Appends bytes to the file of a page of the object's texture (TextureRecord::pages). Pages come
-  // in ascending order, each with one part of its file after the other, before or between units.
-  // Nothing needs to be added of a page without bytes. A file has at most 1 GiB
-  // (store/texture_pages.h).
-  virtual Status AddTexturePage(uint32_t page, ByteSpan part) = 0;
+  // Appends bytes to a file of the object's texture (TextureRecord::file). Files come in ascending
+  // order, each with one part after the other, before or between units. Nothing needs to be added
+  // of a file without bytes. An image has at most 1 GiB (store/texture_pages.h).
+  virtual Status AddTextureFile(uint32_t file, ByteSpan part) = 0;
   // Writes the index, publishes the object in the catalog, and frees the pages of the object that
   // it replaces. Returns the published record: `record`, with id, name, payload_bytes,
   // stored_bytes, index_checksum and digest filled in. kInvalidArgument when what was added is not
-  // what the record says: units, and of each page the bytes and their checksum. When `before`
+  // what the record says: units, and of each file of the texture the bytes and their checksum. When `before`
   // returns an error, nothing is published and the error is returned.
   virtual Result<ObjectRecord> Publish(const ObjectRecord& record,
                                        const BeforePublish& before = {}) = 0;

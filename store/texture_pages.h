@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The pages of textured objects: image files that a store keeps byte for byte.
+// The files of textured objects: the images of their pages, which a store keeps byte for byte, and
+// the tiles that are made of them (store/texture_tiles.h).
 #pragma once
 
 #include <cstdint>
@@ -17,15 +18,17 @@ namespace mtdb {
 
 // A page's file has at most so many.
 inline constexpr uint64_t kMostPageBytes = uint64_t{1} << 30;
+// And the file of the tiles.
+inline constexpr uint64_t kMostTileBytes = uint64_t{1} << 40;
 
-// Of the files of all pages. 0 for objects without texture.
+// Of all files of the texture. 0 for objects without texture.
 uint64_t TextureBytes(const ObjectRecord& record);
 
-// Reads a page's file from its beginning to its end. `take` gets it in parts of at most 16 MiB, and
+// Reads a file of the texture (TextureRecord::file) from its beginning to its end. `take` gets it in parts of at most 16 MiB, and
 // nothing when the store has no bytes of it. The checksum is compared at the end: what was taken
-// counts only when no error is returned. Errors: those of ClusterSource::ReadTexturePage and of
+// counts only when no error is returned. Errors: those of ClusterSource::ReadTextureFile and of
 // `take`.
-Status ReadTexturePage(ClusterSource& source, uint32_t page,
+Status ReadTextureFile(ClusterSource& source, uint32_t file,
                        const std::function<Status(ByteSpan)>& take);
 
 // The record's pages as a mesh has them (MeshHeader::textures), in their order. Each reads its file

@@ -178,31 +178,32 @@ class StoreVerifier {
   }
 
   void CheckTexture(const ObjectRecord& record, const std::string& place) {
-    const uint32_t pages = record.texture ? static_cast<uint32_t>(record.texture->pages.size()) : 0;
+    const uint32_t files = record.texture ? record.texture->files() : 0;
     uint64_t parts = 0;
-    for (uint32_t page = 0; page < pages; ++page) {
-      parts += PartsOfPage(record.texture->pages[page].bytes);
+    for (uint32_t file = 0; file < files; ++file) {
+      parts += PartsOfPage(record.texture->file(file).bytes);
     }
     CheckCount(place + ": values of its texture", parts, Table::kTextures, record.id);
-    for (uint32_t page = 0; page < pages; ++page) {
-      if (const Status status = CheckTexturePage(record, page, place); !status.ok()) Fail(status);
+    for (uint32_t file = 0; file < files; ++file) {
+      if (const Status status = CheckTextureFile(record, file, place); !status.ok()) Fail(status);
       if (Stopped()) return;
     }
     if (!record.texture) return;
-    Checked(record.name + ": checksums of " + std::to_string(pages) + " pages of its texture");
+    Checked(record.name + ": checksums of " + std::to_string(files - 1) +
+            (files == 2 ? " page" : " pages") + " of its texture, and of its tiles");
   }
 
-  Status CheckTexturePage(const ObjectRecord& record, uint32_t page, const std::string& place) {
-    const uint64_t size = record.texture->pages[page].bytes;
+  Status CheckTextureFile(const ObjectRecord& record, uint32_t file, const std::string& place) {
+    const uint64_t size = record.texture->file(file).bytes;
     if (size == 0) return Status::Ok();
     RunningHash hash;
     for (uint32_t part = 0; part < PartsOfPage(size); ++part) {
       if (Stopped()) return Status::Ok();
       MTDB_ASSIGN_OR_RETURN(const Bytes bytes,
-                            ReadTexturePart(snapshot_, record, page, part, place));
+                            ReadTexturePart(snapshot_, record, file, part, place));
       hash.Add(bytes);
     }
-    return CheckPageChecksum(record, page, hash.value(), place);
+    return CheckFileChecksum(record, file, hash.value(), place);
   }
 
   void CheckCount(const std::string& what, uint64_t expected, Table table, ObjectId id) {

@@ -138,8 +138,12 @@ Result<ObjectRecord> WriteObject(const RoundTools& tools, IntakeResult intake,
   const BuildContext& build = tools.build;
   // First: the rounds may take hours, and the images be gone by then.
   if (intake.record.texture) {
-    MTDB_RETURN_IF_ERROR(
-        AddTexturePages(intake.textures, tools.writer, &*intake.record.texture, texture_notes));
+    TileMaker tiles(&build.space, tools.plan.threads, [&] {
+      return build.clock.Report({"texture", 0, 0, 0, kReadShare + kJoinShare});
+    });
+    MTDB_RETURN_IF_ERROR(AddTexturePages(intake.textures, tools.writer, tiles,
+                                         &*intake.record.texture, texture_notes));
+    build.clock.Count("texture");
     intake.textures.clear();
   }
   MTDB_ASSIGN_OR_RETURN(RoundsResult rounds, RunRounds(tools, std::move(intake)));

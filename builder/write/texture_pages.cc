@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "store/base/hash.h"
+#include "store/base/running_hash.h"
 #include "store/object_name.h"
 #include "store/texture_pages.h"
 
@@ -86,9 +87,20 @@ Result<Bytes> LoadFile(const Texture& texture, const std::string& name,
   return Bytes();
 }
 
+// A page of which no tiles can be made has none.
+Status AddTiles(ByteSpan file, const std::string& name, TileMaker& tiles,
+                std::vector<std::string>* notes) {
+  const Status status = tiles.AddPage(file);
+  if (status.code() != StatusCode::kBadInput && status.code() != StatusCode::kUnsupported) {
+    return status;
+  }
+  notes->push_back(name + ": kept, but not drawn: " + status.message());
+  return Status::Ok();
+}
+
 }  // namespace
 
-Status AddTexturePages(const std::vector<Texture>& textures, ObjectWriter& writer,
+Status AddTexturePages(const std::vector<Texture>& textures, ObjectWriter& writer, TileMaker& tiles,
                        TextureRecord* texture, std::vector<std::string>* notes) {
   if (textures.size() > kMostPages) {
     return BadInput("the mesh has " + std::to_string(textures.size()) +
@@ -97,6 +109,7 @@ Status AddTexturePages(const std::vector<Texture>& textures, ObjectWriter& write
   }
   PageNames names;
   texture->pages.clear();
+  texture->tiles = {};
   for (uint32_t i = 0; i < textures.size(); ++i) {
     TextureRecord::Page& page = texture->pages.emplace_back();
     page.name = names.Take(textures[i], i);
@@ -104,14 +117,26 @@ Status AddTexturePages(const std::vector<Texture>& textures, ObjectWriter& write
     page.width = textures[i].width;
     page.height = textures[i].height;
     MTDB_ASSIGN_OR_RETURN(const Bytes file, LoadFile(textures[i], page.name, notes));
-    if (file.empty()) continue;
+    if (file.empty()) {
+      tiles.AddEmptyPage();
+      continue;
+    }
     page.bytes = file.size();
     page.checksum = Hash64(file);
     for (size_t at = 0; at < file.size(); at += kBytesAtOnce) {
       const ByteSpan part = ByteSpan(file).subspan(at, std::min(kBytesAtOnce, file.size() - at));
-      MTDB_RETURN_IF_ERROR(writer.AddTexturePage(i, part));
+      MTDB_RETURN_IF_ERROR(writer.AddTextureFile(i, part));
     }
+    MTDB_RETURN_IF_ERROR(AddTiles(file, page.name, tiles, notes));
   }
+  RunningHash hash;
+  const auto number = static_cast<uint32_t>(textures.size());
+  MTDB_RETURN_IF_ERROR(tiles.Write([&](ByteSpan part) {
+    hash.Add(part);
+    texture->tiles.bytes += part.size();
+    return writer.AddTextureFile(number, part);
+  }));
+  if (texture->tiles.bytes > 0) texture->tiles.checksum = hash.value();
   return Status::Ok();
 }
 

@@ -39,14 +39,14 @@ Result<Bytes> ReadPayload(const PageReader& pages, const ValueRef& value,
   return payload;
 }
 
-Result<Bytes> ReadTexturePart(const Snapshot& snapshot, const ObjectRecord& record, uint32_t page,
+Result<Bytes> ReadTexturePart(const Snapshot& snapshot, const ObjectRecord& record, uint32_t file,
                               uint32_t part, const std::string& where) {
   const std::string place =
-      where + ": " + PageLabel(record, page) + ": part " + std::to_string(part);
-  const Bytes key = TextureKey(record.id, page, part);
+      where + ": " + TextureFileLabel(record, file) + ": part " + std::to_string(part);
+  const Bytes key = TextureKey(record.id, file, part);
   MTDB_ASSIGN_OR_RETURN(const auto value, snapshot.Find(Table::kTextures, key));
   if (!value) return Corrupt(place + " is missing; run verify, restore the file from a copy");
-  const uint64_t left = record.texture->pages[page].bytes - uint64_t{part} * kPagePartBytes;
+  const uint64_t left = record.texture->file(file).bytes - uint64_t{part} * kPagePartBytes;
   const uint64_t expected = std::min<uint64_t>(left, kPagePartBytes);
   if (value->size != kChecksumBytes + expected) {
     return Corrupt(place + ", offset " + std::to_string(value->file_offset) +
@@ -181,20 +181,20 @@ void ObjectReader::Read(std::span<const UnitId> units, std::shared_ptr<PayloadRe
   }
 }
 
-Result<Bytes> ObjectReader::ReadTexturePage(uint32_t page, uint64_t offset, uint64_t bytes) {
+Result<Bytes> ObjectReader::ReadTextureFile(uint32_t file, uint64_t offset, uint64_t bytes) {
   return CatchOutOfMemory([&]() -> Result<Bytes> {
-    MTDB_RETURN_IF_ERROR(CheckPageRange(record_, page, offset, bytes, place_));
+    MTDB_RETURN_IF_ERROR(CheckFileRange(record_, file, offset, bytes, place_));
     if (bytes == 0) return Bytes();
-    MTDB_ASSIGN_OR_RETURN(Bytes read, ReadParts(page, offset, bytes));
-    if (bytes < record_.texture->pages[page].bytes) return read;
-    const Status status = CheckPageChecksum(record_, page, Hash64(read), place_);
+    MTDB_ASSIGN_OR_RETURN(Bytes read, ReadParts(file, offset, bytes));
+    if (bytes < record_.texture->file(file).bytes) return read;
+    const Status status = CheckFileChecksum(record_, file, Hash64(read), place_);
     // The parts are whole, but of another object: another store was copied over the file.
     if (!status.ok()) return pinned_ ? status : Explain(status);
     return read;
   });
 }
 
-Result<Bytes> ObjectReader::ReadParts(uint32_t page, uint64_t offset, uint64_t bytes) {
+Result<Bytes> ObjectReader::ReadParts(uint32_t file, uint64_t offset, uint64_t bytes) {
   std::optional<Snapshot> newest;
   if (!pinned_) {
     MTDB_ASSIGN_OR_RETURN(newest, environment_->Newest());
@@ -206,7 +206,7 @@ Result<Bytes> ObjectReader::ReadParts(uint32_t page, uint64_t offset, uint64_t b
   const uint64_t end = offset + bytes;
   for (auto part = static_cast<uint32_t>(offset / kPagePartBytes); read.size() < bytes; ++part) {
     const auto read_part = [&](const Snapshot& snapshot) {
-      return ReadTexturePart(snapshot, record_, page, part, place_);
+      return ReadTexturePart(snapshot, record_, file, part, place_);
     };
     MTDB_ASSIGN_OR_RETURN(const Bytes found,
                           pinned_ ? read_part(*pinned_) : ReadProven(read_part, &*newest));

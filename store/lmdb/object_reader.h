@@ -31,7 +31,7 @@ class ObjectReader final : public ClusterSource {
   const ObjectRecord& record() const override { return record_; }
   const ClusterIndex& index() const override { return index_; }
   void Read(std::span<const UnitId> units, std::shared_ptr<PayloadReceiver> receiver) override;
-  Result<Bytes> ReadTexturePage(uint32_t page, uint64_t offset, uint64_t bytes) override;
+  Result<Bytes> ReadTextureFile(uint32_t file, uint64_t offset, uint64_t bytes) override;
   bool answers_at_once() const override { return true; }
   uint64_t bytes_read() const override { return environment_->file().bytes_read(); }
 
@@ -47,7 +47,7 @@ class ObjectReader final : public ClusterSource {
   // What proves itself by its checksum.
   using ReadProof = std::function<Result<Bytes>(const Snapshot&)>;
   Result<Bytes> ReadProven(const ReadProof& read, Snapshot* snapshot);
-  Result<Bytes> ReadParts(uint32_t page, uint64_t offset, uint64_t bytes);
+  Result<Bytes> ReadParts(uint32_t file, uint64_t offset, uint64_t bytes);
   Result<Bytes> ReadOne(const Snapshot& snapshot, UnitId unit);
   Result<ValueRef> FindValue(const Snapshot& snapshot, uint32_t value);
   // What to say of `failure`, which a snapshot that holds gave: that the object was removed, or
@@ -64,8 +64,8 @@ class ObjectReader final : public ClusterSource {
   std::optional<Snapshot> pinned_;
 };
 
-// A part of a page's file, after its checksum has been verified. `where` names the object.
-Result<Bytes> ReadTexturePart(const Snapshot& snapshot, const ObjectRecord& record, uint32_t page,
+// A part of a file of the texture, after its checksum has been verified. `where` names the object.
+Result<Bytes> ReadTexturePart(const Snapshot& snapshot, const ObjectRecord& record, uint32_t file,
                               uint32_t part, const std::string& where);
 
 // The payload at `location` of `value`, after its checksum has been verified.

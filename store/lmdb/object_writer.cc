@@ -72,8 +72,8 @@ StoreObjectWriter::StoreObjectWriter(std::shared_ptr<Environment> environment, s
       id_(reserved.first),
       name_lock_(std::move(name_lock)),
       id_lock_(std::move(reserved.second)),
-      textures_(name_, [this](uint32_t page, uint32_t part, const Bytes& bytes) {
-        return QueueTexturePart(page, part, bytes);
+      textures_(name_, [this](uint32_t file, uint32_t part, const Bytes& bytes) {
+        return QueueTexturePart(file, part, bytes);
       }) {}
 
 StoreObjectWriter::~StoreObjectWriter() {
@@ -141,12 +141,12 @@ Result<UnitId> StoreObjectWriter::Add(const UnitEntry& entry, std::span<const Un
   });
 }
 
-Status StoreObjectWriter::AddTexturePage(uint32_t page, ByteSpan part) {
-  return CatchOutOfMemory([&] { return textures_.Add(page, part); });
+Status StoreObjectWriter::AddTextureFile(uint32_t file, ByteSpan part) {
+  return CatchOutOfMemory([&] { return textures_.Add(file, part); });
 }
 
-Status StoreObjectWriter::QueueTexturePart(uint32_t page, uint32_t part, const Bytes& bytes) {
-  Bytes key = TextureKey(id_, page, part);
+Status StoreObjectWriter::QueueTexturePart(uint32_t file, uint32_t part, const Bytes& bytes) {
+  Bytes key = TextureKey(id_, file, part);
   Bytes value = SealValue(Table::kTextures, key, bytes);
   return Queue(Table::kTextures, std::move(key), std::move(value));
 }

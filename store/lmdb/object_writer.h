@@ -24,7 +24,7 @@ class StoreObjectWriter final : public ObjectWriter {
 
   Result<UnitId> Add(const UnitEntry& entry, std::span<const UnitId> children,
                      ByteSpan payload) override;
-  Status AddTexturePage(uint32_t page, ByteSpan part) override;
+  Status AddTextureFile(uint32_t file, ByteSpan part) override;
   Result<ObjectRecord> Publish(const ObjectRecord& record,
                                const BeforePublish& before = {}) override;
 
@@ -48,7 +48,7 @@ class StoreObjectWriter final : public ObjectWriter {
   Status CheckChildren(std::span<const UnitId> children, uint32_t below) const;
   Status PackUnits(bool last);
   Status QueueIndex();
-  Status QueueTexturePart(uint32_t page, uint32_t part, const Bytes& bytes);
+  Status QueueTexturePart(uint32_t file, uint32_t part, const Bytes& bytes);
   Status Queue(Table table, Bytes key, Bytes value);
   Status PutQueue(WriteTransaction& write) const;
   Status WriteQueue();

@@ -11,26 +11,28 @@
 
 namespace mtdb::internal {
 
-Status TextureParts::Add(uint32_t page, ByteSpan bytes) {
-  const auto place = [&] { return "object " + object_ + ": page " + std::to_string(page) + ": "; };
-  if (page >= kMostPages) {
-    return InvalidArgument(place() + "expected pages below " + std::to_string(kMostPages));
+Status TextureParts::Add(uint32_t number, ByteSpan bytes) {
+  const auto place = [&] {
+    return "object " + object_ + ": file " + std::to_string(number) + " of its texture: ";
+  };
+  if (number > kMostPages) {
+    return InvalidArgument(place() + "expected at most " + std::to_string(kMostPages) + " pages");
   }
-  if (!files_.empty() && page < files_.back().page) {
-    return InvalidArgument(place() + "expected pages in ascending order, found page " +
-                           std::to_string(files_.back().page) + " before it");
+  if (!files_.empty() && number < files_.back().number) {
+    return InvalidArgument(place() + "expected files in ascending order, found file " +
+                           std::to_string(files_.back().number) + " before it");
   }
   if (bytes.empty()) return Status::Ok();
-  if (files_.empty() || files_.back().page != page) {
+  if (files_.empty() || files_.back().number != number) {
     MTDB_RETURN_IF_ERROR(Finish());
-    files_.push_back({page, 0, 0});
+    files_.push_back({number, 0, 0});
     hash_.emplace();
     parts_ = 0;
   }
   File& file = files_.back();
-  if (bytes.size() > kMostPageBytes - file.bytes) {
-    return InvalidArgument(place() + "its file has more than " + std::to_string(kMostPageBytes) +
-                           " bytes; make the image smaller");
+  if (bytes.size() > kMostTileBytes - file.bytes) {
+    return InvalidArgument(place() + "it has more than " + std::to_string(kMostTileBytes) +
+                           " bytes");
   }
   hash_->Add(bytes);
   file.bytes += bytes.size();
@@ -44,7 +46,7 @@ Status TextureParts::Add(uint32_t page, ByteSpan bytes) {
 }
 
 Status TextureParts::PutWaiting() {
-  return put_(files_.back().page, parts_++, std::exchange(waiting_, {}));
+  return put_(files_.back().number, parts_++, std::exchange(waiting_, {}));
 }
 
 Status TextureParts::Finish() {
@@ -55,29 +57,34 @@ Status TextureParts::Finish() {
 }
 
 Status TextureParts::Check(const ObjectRecord& record) const {
-  const size_t pages = record.texture ? record.texture->pages.size() : 0;
+  const uint32_t files = record.texture ? record.texture->files() : 0;
   auto file = files_.begin();
   std::unordered_set<std::string_view> names;
-  for (uint32_t i = 0; i < pages; ++i) {
-    const TextureRecord::Page& page = record.texture->pages[i];
-    if (!names.insert(page.name).second) {
-      return InvalidArgument("object " + object_ + ": " + PageLabel(record, i) +
-                             ": another page has this name; give each its own");
+  for (uint32_t i = 0; i < files; ++i) {
+    const auto place = [&] { return "object " + object_ + ": " + TextureFileLabel(record, i); };
+    const bool image = i < record.texture->pages.size();
+    if (image && !names.insert(record.texture->pages[i].name).second) {
+      return InvalidArgument(place() + ": another page has this name; give each its own");
     }
-    const bool added = file != files_.end() && file->page == i;
-    const uint64_t bytes = added ? file->bytes : 0;
-    const uint64_t checksum = added ? file->checksum : 0;
+    const bool added = file != files_.end() && file->number == i;
+    const TextureRecord::File found =
+        added ? TextureRecord::File{file->bytes, file->checksum} : TextureRecord::File{};
     if (added) ++file;
-    if (page.bytes == bytes && page.checksum == checksum) continue;
-    return InvalidArgument(
-        "object " + object_ + ": " + PageLabel(record, i) + ": the record says " +
-        std::to_string(page.bytes) + " bytes of checksum " + std::to_string(page.checksum) + ", " +
-        std::to_string(bytes) + " of checksum " + std::to_string(checksum) + " were added");
+    if (image && found.bytes > kMostPageBytes) {
+      return InvalidArgument(place() + ": its file has more than " +
+                             std::to_string(kMostPageBytes) + " bytes; make the image smaller");
+    }
+    const TextureRecord::File expected = record.texture->file(i);
+    if (expected == found) continue;
+    return InvalidArgument(place() + ": the record says " + std::to_string(expected.bytes) +
+                           " bytes of checksum " + std::to_string(expected.checksum) + ", " +
+                           std::to_string(found.bytes) + " of checksum " +
+                           std::to_string(found.checksum) + " were added");
   }
   if (file == files_.end()) return Status::Ok();
-  return InvalidArgument("object " + object_ + ": page " + std::to_string(file->page) +
-                         " was added, but the record has " + std::to_string(pages) +
-                         " pages of a texture");
+  return InvalidArgument("object " + object_ + ": file " + std::to_string(file->number) +
+                         " of a texture was added, but the record has " + std::to_string(files) +
+                         " files");
 }
 
 }  // namespace mtdb::internal

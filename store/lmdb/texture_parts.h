@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// TextureParts: cuts the files of an object's pages into values of the store.
+// TextureParts: cuts the files of an object's texture into values of the store.
 #pragma once
 
 #include <cstdint>
@@ -18,25 +18,25 @@ namespace mtdb::internal {
 // Holds one value's bytes, and of each file its length and checksum. Single thread.
 class TextureParts {
  public:
-  // Writes part `part` of a page's file, which has kPagePartBytes, or less when it is the last one.
-  using PutPart = std::function<Status(uint32_t page, uint32_t part, Bytes bytes)>;
+  // Writes part `part` of a file, which has kPagePartBytes, or less when it is the last one.
+  using PutPart = std::function<Status(uint32_t file, uint32_t part, Bytes bytes)>;
 
   // `object` names it in messages.
   TextureParts(std::string object, PutPart put)
       : object_(std::move(object)), put_(std::move(put)) {}
 
-  // Appends to the file of the page. Errors: kInvalidArgument (a page before the last one, too many
-  // bytes), those of `put`.
-  Status Add(uint32_t page, ByteSpan bytes);
+  // Appends to the file. Errors: kInvalidArgument (a file before the last one, too many bytes),
+  // those of `put`.
+  Status Add(uint32_t file, ByteSpan bytes);
   // Nothing more will come.
   Status Finish();
-  // After Finish(). kInvalidArgument when the record's pages have other files, or two of them
-  // one name.
+  // After Finish(). kInvalidArgument when the record has other files, an image too many bytes, or two
+  // pages one name.
   Status Check(const ObjectRecord& record) const;
 
  private:
   struct File {
-    uint32_t page = 0;
+    uint32_t number = 0;
     uint64_t bytes = 0;
     uint64_t checksum = 0;
   };

@@ -304,6 +304,14 @@ Bytes EncodePackedPage(const ClusterIndex& index, const PackedObject& object, ui
   return w.Take();
 }
 
+uint64_t PackedObject::texture_file(uint32_t file) const {
+  uint64_t offset = textures;
+  for (uint32_t i = 0, files = record.texture->files(); TextureFileAt(files, i) != file; ++i) {
+    offset += record.texture->file(TextureFileAt(files, i)).bytes;
+  }
+  return offset;
+}
+
 Result<std::vector<PackedRow>> DecodePackedPage(ByteSpan bytes, const PackedObject& object,
                                                 uint32_t page, const std::string& where) {
   const std::string place = PlaceOf(object, page, where);

@@ -48,6 +48,9 @@ struct PackedPage {
   VertexIndex first_vertex = 0;  // of its first unit; derived
 };
 
+// The i-th of so many files of a texture, in the order of a packed file: the tiles, then the pages.
+constexpr uint32_t TextureFileAt(uint32_t files, uint32_t i) { return i == 0 ? files - 1 : i - 1; }
+
 struct PackedObject {
   ObjectRecord record;
   uint64_t start = 0;
@@ -58,6 +61,8 @@ struct PackedObject {
   std::vector<PackedPage> pages;
 
   uint32_t units() const { return record.clusters + record.root_pieces; }
+  // Where a file of its texture begins.
+  uint64_t texture_file(uint32_t file) const;
   uint32_t page_of(UnitId unit) const { return unit / rows_per_page; }
   uint32_t first_unit(uint32_t page) const { return page * rows_per_page; }
   uint32_t rows(uint32_t page) const { return std::min(rows_per_page, units() - first_unit(page)); }

@@ -90,8 +90,9 @@ Status PackedLayout::Write(const AppendBytes& append) const {
   MTDB_RETURN_IF_ERROR(WriteItems(0, items_.size() - texture_parts_.size(), append));
   if (!object_.record.texture) return Status::Ok();
   // Whole files are checked, which parts of them cannot be.
-  for (uint32_t page = 0; page < object_.record.texture->pages.size(); ++page) {
-    MTDB_RETURN_IF_ERROR(ReadTexturePage(source_, page, append));
+  const uint32_t files = object_.record.texture->files();
+  for (uint32_t i = 0; i < files; ++i) {
+    MTDB_RETURN_IF_ERROR(ReadTextureFile(source_, TextureFileAt(files, i), append));
   }
   return Status::Ok();
 }
@@ -125,7 +126,7 @@ Status PackedLayout::WriteItems(size_t begin, size_t end, const AppendBytes& app
     if (items_[i].kind == Item::Kind::kTexture) {
       const TexturePart& part = texture_parts_[items_[i].id];
       MTDB_ASSIGN_OR_RETURN(const Bytes bytes,
-                            source_.ReadTexturePage(part.page, part.begin, part.bytes));
+                            source_.ReadTextureFile(part.file, part.begin, part.bytes));
       MTDB_RETURN_IF_ERROR(append(bytes));
       ++i;
       continue;
@@ -168,12 +169,14 @@ void PackedLayout::OrderItems() {
 
 void PackedLayout::AddTextureParts() {
   if (!object_.record.texture) return;
-  const std::vector<TextureRecord::Page>& pages = object_.record.texture->pages;
-  for (uint32_t p = 0; p < pages.size(); ++p) {
-    for (uint64_t begin = 0; begin < pages[p].bytes; begin += kTextureBytesAtOnce) {
+  const TextureRecord& texture = *object_.record.texture;
+  for (uint32_t i = 0; i < texture.files(); ++i) {
+    const uint32_t file = TextureFileAt(texture.files(), i);
+    const uint64_t size = texture.file(file).bytes;
+    for (uint64_t begin = 0; begin < size; begin += kTextureBytesAtOnce) {
       items_.push_back({Item::Kind::kTexture, static_cast<uint32_t>(texture_parts_.size())});
-      const uint64_t bytes = std::min(kTextureBytesAtOnce, pages[p].bytes - begin);
-      texture_parts_.push_back({p, static_cast<uint32_t>(bytes), begin, 0});
+      const uint64_t bytes = std::min(kTextureBytesAtOnce, size - begin);
+      texture_parts_.push_back({file, static_cast<uint32_t>(bytes), begin, 0});
     }
   }
 }

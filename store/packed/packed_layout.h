@@ -43,7 +43,7 @@ class PackedLayout {
     uint32_t id = 0;
   };
   struct TexturePart {
-    uint32_t page = 0;  // of the texture
+    uint32_t file = 0;  // of the texture
     uint32_t bytes = 0;
     uint64_t begin = 0;   // in its file
     uint64_t offset = 0;  // in the packed file

@@ -2,6 +2,7 @@
 #include "store/base/out_of_memory.h"
 #include "store/packed/packed_reader.h"
 #include "store/packed_file.h"
+#include "store/records/page_parts.h"
 
 namespace mtdb {
 
@@ -25,6 +26,12 @@ Result<std::shared_ptr<ClusterSource>> PackedObjects::OpenObject(const std::stri
     MTDB_ASSIGN_OR_RETURN(const PackedObject* const object, file_->Find(name));
     return PackedSource::Open(file_, *object, false);
   });
+}
+
+Result<ByteRange> PackedObjects::TextureFileRange(const std::string& name, uint32_t file) const {
+  MTDB_ASSIGN_OR_RETURN(const PackedObject* const object, file_->Find(name));
+  MTDB_RETURN_IF_ERROR(CheckFileRange(object->record, file, 0, 0, "object " + name));
+  return ByteRange{object->texture_file(file), object->record.texture->file(file).bytes};
 }
 
 }  // namespace mtdb

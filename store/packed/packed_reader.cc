@@ -370,24 +370,22 @@ void PackedSource::Cancel(const PayloadReceiver& receiver) {
   for (const RangeReader::Ticket ticket : tickets) file_->ranges().Cancel(ticket);
 }
 
-Result<Bytes> PackedSource::ReadTexturePage(uint32_t page, uint64_t offset, uint64_t bytes) {
+Result<Bytes> PackedSource::ReadTextureFile(uint32_t file, uint64_t offset, uint64_t bytes) {
   return CatchOutOfMemory([&]() -> Result<Bytes> {
-    MTDB_RETURN_IF_ERROR(CheckPageRange(object_.record, page, offset, bytes, place_));
+    MTDB_RETURN_IF_ERROR(CheckFileRange(object_.record, file, offset, bytes, place_));
     if (bytes == 0) return Bytes();
-    const std::vector<TextureRecord::Page>& pages = object_.record.texture->pages;
-    ByteRange range{object_.textures + offset, bytes};
-    for (uint32_t p = 0; p < page; ++p) range.offset += pages[p].bytes;
+    const ByteRange range{object_.texture_file(file) + offset, bytes};
     Bytes read;
     const Status status = ReadChecked(file_->ranges(), range, [&](Bytes came) {
       read = std::move(came);
-      if (bytes < pages[page].bytes) return Status::Ok();
-      return CheckPageChecksum(object_.record, page, Hash64(read), place_);
+      if (bytes < object_.record.texture->file(file).bytes) return Status::Ok();
+      return CheckFileChecksum(object_.record, file, Hash64(read), place_);
     });
     if (status.ok()) return read;
     if (status.message().starts_with(place_)) return status;
     // The carrier's own message names the file.
     return Status(status.code(), status.message() + " (object " + object_.record.name + ": " +
-                                     PageLabel(object_.record, page) + ")");
+                                     TextureFileLabel(object_.record, file) + ")");
   });
 }
 

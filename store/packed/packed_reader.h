@@ -56,7 +56,7 @@ class PackedSource final : public ClusterSource, public std::enable_shared_from_
   const ClusterIndex& index() const override { return index_; }
   void Read(std::span<const UnitId> units, std::shared_ptr<PayloadReceiver> receiver) override;
   void Cancel(const PayloadReceiver& receiver) override;
-  Result<Bytes> ReadTexturePage(uint32_t page, uint64_t offset, uint64_t bytes) override;
+  Result<Bytes> ReadTextureFile(uint32_t file, uint64_t offset, uint64_t bytes) override;
   bool answers_at_once() const override { return at_once_; }
   uint64_t bytes_read() const override { return file_->ranges().bytes_read(); }
 

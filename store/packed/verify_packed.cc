@@ -177,13 +177,14 @@ class PackedVerifier {
   Status CheckTexture(ClusterSource& source) {
     const ObjectRecord& record = source.record();
     if (!record.texture) return Status::Ok();
-    const auto pages = static_cast<uint32_t>(record.texture->pages.size());
-    for (uint32_t page = 0; page < pages; ++page) {
-      const Status status = ReadTexturePage(source, page, [&](ByteSpan) { return Go(); });
+    const uint32_t files = record.texture->files();
+    for (uint32_t file = 0; file < files; ++file) {
+      const Status status = ReadTextureFile(source, file, [&](ByteSpan) { return Go(); });
       MTDB_RETURN_IF_ERROR(Judge(status));
     }
-    report_->checks.push_back(record.name + ": checksums of " + std::to_string(pages) +
-                              " pages of its texture");
+    report_->checks.push_back(record.name + ": checksums of " + std::to_string(files - 1) +
+                              (files == 2 ? " page" : " pages") +
+                              " of its texture, and of its tiles");
     return Status::Ok();
   }
 

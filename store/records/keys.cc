@@ -56,10 +56,10 @@ Bytes IndexKey(ObjectId id, uint32_t first_row) {
   return w.Take();
 }
 
-Bytes TextureKey(ObjectId id, uint32_t page, uint32_t part) {
+Bytes TextureKey(ObjectId id, uint32_t file, uint32_t part) {
   ByteWriter w;
   w.PutBigEndian(id.value);
-  w.PutBigEndian(page);
+  w.PutBigEndian(file);
   w.PutBigEndian(part);
   return w.Take();
 }

@@ -39,7 +39,7 @@ Bytes GarbageKey(ObjectId id);
 Bytes ObjectKey(const std::string& name);
 Bytes UnitKey(ObjectId id, uint8_t round, uint64_t hilbert, uint32_t sequence);
 Bytes IndexKey(ObjectId id, uint32_t first_row);
-Bytes TextureKey(ObjectId id, uint32_t page, uint32_t part);
+Bytes TextureKey(ObjectId id, uint32_t file, uint32_t part);
 // The first 8 bytes of an object's keys in kObjectTables.
 Bytes ObjectPrefix(ObjectId id);
 

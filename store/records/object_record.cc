@@ -409,6 +409,8 @@ ByteWriter PutTexture(const ObjectRecord& o) {
     }
     w.Put(page.checksum);
   }
+  w.PutVarint(t.tiles.bytes);
+  w.Put(t.tiles.checksum);
   return w;
 }
 // What readers make of it, and call files.
@@ -444,6 +446,12 @@ void GetTexture(RecordReader* r, ObjectRecord* o) {
     page.checksum = r->Get<uint64_t>();
     if (!r->ok()) return;
     CheckPage(page, r);
+  }
+  t.tiles.bytes = r->Get64();
+  t.tiles.checksum = r->Get<uint64_t>();
+  if (t.tiles.bytes > kMostTileBytes || (t.tiles.bytes == 0 && t.tiles.checksum != 0)) {
+    r->Fail("texture: expected up to 2^40 bytes of tiles, and no checksum without any, found " +
+            std::to_string(t.tiles.bytes));
   }
 }
 

@@ -19,37 +19,37 @@ constexpr uint64_t kBytesAtOnce = 16 << 20;
 
 }  // namespace
 
-Result<Bytes> ClusterSource::ReadTexturePage(uint32_t page, uint64_t offset, uint64_t bytes) {
+Result<Bytes> ClusterSource::ReadTextureFile(uint32_t file, uint64_t offset, uint64_t bytes) {
   const std::string where = "object " + record().name;
-  MTDB_RETURN_IF_ERROR(CheckPageRange(record(), page, offset, bytes, where));
+  MTDB_RETURN_IF_ERROR(CheckFileRange(record(), file, offset, bytes, where));
   if (bytes == 0) return Bytes();
-  return Unsupported(where + ": " + PageLabel(record(), page) +
-                     ": its file cannot be had from here; open the store or the packed file");
+  return Unsupported(where + ": " + TextureFileLabel(record(), file) +
+                     ": its bytes cannot be had from here; open the store or the packed file");
 }
 
 uint64_t TextureBytes(const ObjectRecord& record) {
   uint64_t bytes = 0;
   if (!record.texture) return bytes;
-  for (const TextureRecord::Page& page : record.texture->pages) bytes += page.bytes;
+  for (uint32_t i = 0; i < record.texture->files(); ++i) bytes += record.texture->file(i).bytes;
   return bytes;
 }
 
-Status ReadTexturePage(ClusterSource& source, uint32_t page,
+Status ReadTextureFile(ClusterSource& source, uint32_t file,
                        const std::function<Status(ByteSpan)>& take) {
   return CatchOutOfMemory([&]() -> Status {
     const ObjectRecord& record = source.record();
     const std::string where = "object " + record.name;
-    MTDB_RETURN_IF_ERROR(CheckPageRange(record, page, 0, 0, where));
-    const uint64_t size = record.texture->pages[page].bytes;
+    MTDB_RETURN_IF_ERROR(CheckFileRange(record, file, 0, 0, where));
+    const uint64_t size = record.texture->file(file).bytes;
     RunningHash hash;
     for (uint64_t at = 0; at < size;) {
       MTDB_ASSIGN_OR_RETURN(const Bytes part,
-                            source.ReadTexturePage(page, at, std::min(kBytesAtOnce, size - at)));
+                            source.ReadTextureFile(file, at, std::min(kBytesAtOnce, size - at)));
       hash.Add(part);
       MTDB_RETURN_IF_ERROR(take(part));
       at += part.size();
     }
-    return size == 0 ? Status::Ok() : CheckPageChecksum(record, page, hash.value(), where);
+    return size == 0 ? Status::Ok() : CheckFileChecksum(record, file, hash.value(), where);
   });
 }
 
@@ -64,7 +64,7 @@ std::vector<Texture> TexturesOf(const ObjectRecord& record, std::shared_ptr<Clus
     texture.width = page.width;
     texture.height = page.height;
     if (page.bytes == 0) continue;
-    texture.load = [source, i, bytes = page.bytes] { return source->ReadTexturePage(i, 0, bytes); };
+    texture.load = [source, i, bytes = page.bytes] { return source->ReadTextureFile(i, 0, bytes); };
   }
   return textures;
 }

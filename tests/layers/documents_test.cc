@@ -26,7 +26,8 @@ struct Stated {
   std::string file, constant;
 };
 const std::string kStore = "store/FORMAT.md", kCodecs = "codecs/FORMAT.md";
-const std::string kKeys = "store/records/keys.h", kPacked = "store/packed/packed_format.cc";
+const std::string kKeys = "store/records/keys.h", kPacked = "store/packed/packed_format.cc",
+                  kTiles = "store/records/tiles_head.cc";
 const std::string kEntry = "store/pages/catalog_entry.h",
                   kUpdate = "codecs/stream/internal/update_coder.h";
 const std::string kMeta = "store/pages/meta_page.cc", kLimits = "codecs/cluster/cluster_limits.h";
@@ -41,6 +42,14 @@ const std::vector<Stated> kStated{
     {kStore, "", "data version @.", kMeta, "kDataVersion"},
     {kStore, "", "u32 magic @, u32 version", kMeta, "kMagic"},
     {kStore, "", "u32 magic 0xbeefc0de, u32 version @,", kMeta, "kDataVersion"},
+    {kStore, "### Tiles", "| u16 | version | @ |", kTiles, "kVersion"},
+    {kStore, "### Tiles", "with at most @ pixels a side", "store/records/texture_tiles.cc",
+     "kCoarsestSide"},
+    {kStore, "### Tiles", "| 0..@ |", kTiles, "kMostLevels"},
+    {kStore, "### Tiles", "| u16 x 2 | side of the squares, margin | @, 4 |",
+     "store/texture_tiles.h", "kTileSide"},
+    {kStore, "### Tiles", "| u16 x 2 | side of the squares, margin | 504, @ |",
+     "store/texture_tiles.h", "kTileMargin"},
     {kStore, "### Header", "| 16 | 4 | u32 | version | @ |", kPacked, "kVersion"},
     {kStore, "### Header", "1..min(file_bytes - 72, @)", "store/packed/packed_format.h",
      "kMaxDirectoryBytes"},
@@ -57,6 +66,7 @@ const std::vector<Stated> kStated{
 };
 // Likewise what begins a file or stream, as it is written.
 const std::vector<Stated> kMagics{
+    {kStore, "### Tiles", "| 4 bytes | magic | `@` |", kTiles, "kMagic"},
     {kStore, "### Superblock", "| magic | `@` and six zero bytes |", "store/pages/catalog_entry.cc",
      "kMagic"},
     {kStore, "### Header", "| magic | `@` and five zero bytes |", kPacked, "kMagic"},
@@ -186,7 +196,7 @@ TEST_CASE("the FORMAT documents have the versions, magic numbers and limits of t
       const std::string left = s.place.substr(0, gap);
       const bool number = all == &kStated;
       const auto right =
-          TextAt(text, s, number ? "0123456789abcdefx^," : "abcdefghijklmnopqrstuvwxyzMTUS ");
+          TextAt(text, s, number ? "0123456789abcdefx^," : "abcdefghijklmnopqrstuvwxyzLMTUS ");
       INFO(s.document << ": " << s.place);
       REQUIRE(right);
       const size_t at = text.size() - behind.size() +

@@ -7,7 +7,7 @@
 //
 // where folders have rooms,
 //
-//     coding <- cluster    coding <- stream    mesh_file    raster_file
+//     coding <- cluster    coding <- stream    mesh_file    raster_file    image_file
 //     records <- pages <- lmdb    carriers <- pages    {records, carriers} <- packed    all <-
 //     store fields <- cache <- cut <- answer <- moving    answer <- ask    fields <- json disk <-
 //     holes <- measure <- decimate <- tiles <- {intake, write} <- rounds client <- request <-
@@ -42,6 +42,7 @@ const std::map<std::string, std::set<std::string>> kMayInclude{
     {"codecs/stream", {"base", "codecs/coding"}},
     {"codecs/mesh_file", {"base", "files"}},
     {"codecs/raster_file", {"base", "files"}},
+    {"codecs/image_file", {"base"}},
     {"store/records", {"base"}},
     {"store/carriers", {"base", "files"}},
     {"store/pages", {"base", "files", "store/records", "store/carriers"}},
@@ -76,13 +77,14 @@ const std::map<std::string, std::set<std::string>> kMayInclude{
      {"base", "store/records", "codecs/cluster", "builder/disk", "builder/tiles"}},
     {"builder/surface", {"base", "store/records", "builder/disk", "builder/intake"}},
     {"builder/write",
-     {"base", "files", "store/records", "codecs/cluster", "builder/disk", "builder/measure",
-      "builder/decimate", "builder/tiles"}},
+     {"base", "files", "store/records", "codecs/cluster", "codecs/image_file", "builder/disk",
+      "builder/measure", "builder/decimate", "builder/tiles"}},
     {"builder/rounds", {"base", "files", "store/records", "codecs/cluster", "builder"}},
     {"tools/client", {"base", "codecs/stream"}},
     {"tools/request", {"base", "store", "query", "builder", "codecs/mesh_file", "tools/client"}},
     {"tools/generate", {"base", "files", "codecs/mesh_file"}},
-    {"tools/render", {"base", "codecs/mesh_file", "query", "tools/generate"}},
+    {"tools/render",
+     {"base", "store", "codecs/image_file", "codecs/mesh_file", "query", "tools/generate"}},
     {"tools/tiles", {"base", "files", "store", "query", "codecs/mesh_file", "tools/request"}},
     {"tools/server",
      {"base", "files", "store", "codecs/mesh_file", "codecs/stream", "query", "tools/client",
@@ -108,7 +110,7 @@ const std::set<std::string> kHalls{"store", "query", "builder"};
 const std::map<std::string, std::set<std::string>> kPublicHeaders{
     {"store/records",
      {"check_report.h", "cluster_index.h", "cluster_source.h", "metres_of_unit.h", "object_name.h",
-      "object_record.h", "object_writer.h", "texture_pages.h"}},
+      "object_record.h", "object_writer.h", "texture_pages.h", "texture_tiles.h", "tiles_head.h"}},
     {"store/carriers", {"open_options.h", "range_reader.h"}},
     {"store/packed", {"packed_file.h"}},
     {"store", {"copy.h", "database.h", "verify_store.h"}},
@@ -141,8 +143,8 @@ const std::map<std::string, std::set<std::string>> kLibraryUsers{
     {"zstd", {"codecs/cluster/", "builder/disk/squeeze", "tools/web/wasm/", "tests/", "bench/"}},
     {"zdict", {"codecs/cluster/", "tests/", "bench/"}},
     {"embree", {"tools/render/", "tests/", "bench/"}},
-    {"png", {"tools/render/", "tools/tiles/terrain_rgb/", "tests/"}},
-    {"jpeglib", {"tools/render/", "tests/"}},
+    {"png", {"codecs/image_file/", "tools/tiles/terrain_rgb/", "tests/"}},
+    {"jpeglib", {"codecs/image_file/", "tests/"}},
     {"CLI/", {"tools/cli/", "bench/"}},
     {"nlohmann/",
      {"store/base/json.cc", "codecs/mesh_file/readers/gltf_document.h", "tests/", "bench/"}},

@@ -39,8 +39,8 @@ class LateSource final : public ClusterSource {
   const ClusterIndex& index() const override { return index_; }
   void Read(std::span<const UnitId> units, std::shared_ptr<PayloadReceiver> receiver) override;
   void Cancel(const PayloadReceiver& receiver) override;
-  Result<Bytes> ReadTexturePage(uint32_t page, uint64_t offset, uint64_t bytes) override {
-    return whole_->ReadTexturePage(page, offset, bytes);
+  Result<Bytes> ReadTextureFile(uint32_t page, uint64_t offset, uint64_t bytes) override {
+    return whole_->ReadTextureFile(page, offset, bytes);
   }
 
   // Answers up to `count` of what is asked for; returns how many it did.

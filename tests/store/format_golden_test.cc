@@ -95,7 +95,7 @@ std::vector<Example> Examples() {
   record.texture->pages = {{"a.png", "image/png", 640, 480, 9, Hash64(AsBytes("a picture"))}};
   const Bytes textured = EncodeObjectRecord(record);
   // The last section: a tag, a length of one byte.
-  const size_t section = 2 + 3 * 8 + 1 + 6 + 10 + 2 + 2 + 1 + 8;
+  const size_t section = 2 + 3 * 8 + 1 + 6 + 10 + 2 + 2 + 1 + 8 + 1 + 8;
   all.push_back({"texture of a record", Bytes(textured.end() - section, textured.end())});
   return all;
 }

@@ -55,21 +55,24 @@ std::vector<UnitId> RandomChildren(std::mt19937_64& random, uint32_t below) {
 Status AddFile(ObjectWriter& writer, uint32_t page, ByteSpan file) {
   for (size_t size = 0; !file.empty(); size = size * 3 + 1) {
     const ByteSpan part = file.first(std::min(size, file.size()));
-    MTDB_RETURN_IF_ERROR(writer.AddTexturePage(page, part));
+    MTDB_RETURN_IF_ERROR(writer.AddTextureFile(page, part));
     file = file.subspan(part.size());
   }
   return Status::Ok();
 }
 
-void AddTexture(std::span<const size_t> page_bytes, std::mt19937_64& random, SyntheticObject* o) {
-  if (page_bytes.empty()) return;
+void AddTexture(const SyntheticOptions& options, std::mt19937_64& random, SyntheticObject* o) {
+  if (options.page_bytes.empty()) return;
   TextureRecord& texture = o->record.texture.emplace();
   texture.step = 0.25;
-  for (const size_t bytes : page_bytes) {
+  for (const size_t bytes : options.page_bytes) {
     const Bytes& file = o->files.emplace_back(RandomBytes(random, bytes));
     texture.pages.push_back({"page" + std::to_string(o->files.size()) + ".jpg", "image/jpeg", 640,
                              480, bytes, bytes == 0 ? 0 : Hash64(file)});
   }
+  if (options.tile_bytes == 0) return;
+  const Bytes& tiles = o->files.emplace_back(RandomBytes(random, options.tile_bytes));
+  texture.tiles = {tiles.size(), Hash64(tiles)};
 }
 
 }  // namespace
@@ -123,7 +126,7 @@ SyntheticObject MakeObject(const SyntheticOptions& options) {
   o.record.bounds.Add(Vec3d{3, 4, 5});
   o.record.attributes.attributes = {{"red", ScalarType::kUint8}, {"quality", ScalarType::kFloat32}};
   o.record.units = std::string("m");
-  AddTexture(options.page_bytes, random, &o);
+  AddTexture(options, random, &o);
   return o;
 }
 
@@ -170,12 +173,12 @@ Status CompareFiles(ClusterSource& source, const SyntheticObject& object) {
   for (uint32_t page = 0; page < object.files.size(); ++page) {
     const Bytes& file = object.files[page];
     Bytes joined;
-    MTDB_RETURN_IF_ERROR(ReadTexturePage(source, page, [&](ByteSpan part) {
+    MTDB_RETURN_IF_ERROR(ReadTextureFile(source, page, [&](ByteSpan part) {
       joined.insert(joined.end(), part.begin(), part.end());
       return Status::Ok();
     }));
     if (joined != file) return differs(page);
-    MTDB_ASSIGN_OR_RETURN(const Bytes whole, source.ReadTexturePage(page, 0, file.size()));
+    MTDB_ASSIGN_OR_RETURN(const Bytes whole, source.ReadTextureFile(page, 0, file.size()));
     if (whole != file) return differs(page);
   }
   return Status::Ok();

@@ -34,7 +34,7 @@ struct SyntheticObject {
     Bytes payload;
   };
   std::vector<Unit> units;
-  std::vector<Bytes> files;  // of the pages of its texture
+  std::vector<Bytes> files;  // of its texture: of the pages, then that of the tiles, if it has any
   ObjectRecord record;
 };
 
@@ -42,12 +42,13 @@ struct SyntheticOptions {
   uint64_t seed = 1;
   uint32_t clusters = 40;               // of the finest round; a quarter of it in each further one
   uint32_t max_payload = 4000;          // bytes
-  std::vector<size_t> page_bytes = {};  // of the files of its texture; without any, it has none
+  std::vector<size_t> page_bytes = {};  // of the images of its texture; without any, it has none
+  size_t tile_bytes = 0;                // of the tiles of its texture
 };
 
 SyntheticObject MakeObject(const SyntheticOptions& options);
 
-// Create, Add..., AddTexturePage..., Publish.
+// Create, Add..., AddTextureFile..., Publish.
 Result<ObjectRecord> WriteObject(Database& database, const std::string& name,
                                  const SyntheticObject& object, bool replace = false);
 

@@ -29,7 +29,11 @@ constexpr size_t kPart = kPagePartBytes;
 const std::vector<size_t> kSizes = {0, 1, 3 << 20, kPart - 1, kPart, kPart + 1, 2 * kPart + 1, 0};
 
 SyntheticObject Textured() {
-  return MakeObject({.seed = 5, .clusters = 8, .max_payload = 300, .page_bytes = kSizes});
+  return MakeObject({.seed = 5,
+                     .clusters = 8,
+                     .max_payload = 300,
+                     .page_bytes = kSizes,
+                     .tile_bytes = kPart + 1000});
 }
 
 std::shared_ptr<ClusterSource> Open(const std::string& path) {
@@ -129,18 +133,18 @@ TEST_CASE("any part of a file is read, and nothing beyond it", "[store]") {
       const Bytes& file = object.files[page];
       const uint64_t offset = random() % (file.size() + 1);
       const uint64_t bytes = random() % (file.size() - offset + 1);
-      const auto part = source->ReadTexturePage(page, offset, bytes);
+      const auto part = source->ReadTextureFile(page, offset, bytes);
       REQUIRE(part.status().message() == "");
       REQUIRE(std::ranges::equal(*part, ByteSpan(file).subspan(offset, bytes)));
     }
     const auto refused = [&](uint32_t page, uint64_t offset, uint64_t bytes) {
-      const Status status = source->ReadTexturePage(page, offset, bytes).status();
+      const Status status = source->ReadTextureFile(page, offset, bytes).status();
       INFO(status.message());
       CHECK(status.message().find("page " + std::to_string(page)) != std::string::npos);
       CHECK(status.message().find("one") != std::string::npos);
       return status.code() == StatusCode::kInvalidArgument;
     };
-    CHECK(refused(8, 0, 0));
+    CHECK(refused(9, 0, 0));
     CHECK(refused(~0u, 0, 1));
     CHECK(refused(0, 0, 1));
     CHECK(refused(0, 1, 0));
@@ -150,13 +154,13 @@ TEST_CASE("any part of a file is read, and nothing beyond it", "[store]") {
     CHECK(refused(2, 2, ~uint64_t{0}));
     // What `take` says ends the reading.
     int parts = 0;
-    const Status ended = ReadTexturePage(*source, 2, [&](ByteSpan) {
+    const Status ended = ReadTextureFile(*source, 2, [&](ByteSpan) {
       ++parts;
       return IoError("full");
     });
     CHECK(ended.message() == "full");
     CHECK(parts == 1);
-    CHECK(ReadTexturePage(*source, 0, [&](ByteSpan) { return IoError("called"); }).ok());
+    CHECK(ReadTextureFile(*source, 0, [&](ByteSpan) { return IoError("called"); }).ok());
   }
 }
 
@@ -169,7 +173,7 @@ TEST_CASE("the textures of an object load their files", "[store]") {
     const auto source = Open(dir.File("s.mtdb"));
     textures = TexturesOf(source->record(), source);
   }
-  REQUIRE(textures.size() == object.files.size());
+  REQUIRE(textures.size() + 1 == object.files.size());
   for (size_t i = 0; i < textures.size(); ++i) {
     CHECK(textures[i].name == object.record.texture->pages[i].name);
     CHECK(textures[i].media_type == "image/jpeg");
@@ -187,7 +191,7 @@ TEST_CASE("an object whose record says something else of its files is not publis
   const SyntheticObject object =
       MakeObject({.seed = 2, .clusters = 4, .page_bytes = {500, 0, 600}});
   const auto add = [&](ObjectWriter& writer, uint32_t page) {
-    return writer.AddTexturePage(page, object.files[page]);
+    return writer.AddTextureFile(page, object.files[page]);
   };
   const auto add_all = [&](ObjectWriter& writer) {
     MTDB_RETURN_IF_ERROR(add(writer, 0));
@@ -208,6 +212,13 @@ TEST_CASE("an object whose record says something else of its files is not publis
                           return add(w, 2);
                         }),
                 "page 2 "));
+  // Tiles that the record does not have.
+  CHECK(refused(Publish(object,
+                        [&](ObjectWriter& w) {
+                          MTDB_RETURN_IF_ERROR(add_all(w));
+                          return w.AddTextureFile(3, object.files[0]);
+                        }),
+                "tiles"));
   // Pages in another order, pages that the record does not have.
   CHECK(refused(Publish(object,
                         [&](ObjectWriter& w) {
@@ -215,13 +226,13 @@ TEST_CASE("an object whose record says something else of its files is not publis
                           return add(w, 0);
                         }),
                 "ascending"));
-  for (const uint32_t page : {3u, kMostPages - 1, kMostPages, ~0u}) {
+  for (const uint32_t page : {4u, kMostPages - 1, kMostPages, ~0u}) {
     CHECK(refused(Publish(object,
                           [&](ObjectWriter& w) {
                             MTDB_RETURN_IF_ERROR(add_all(w));
-                            return w.AddTexturePage(page, object.files[0]);
+                            return w.AddTextureFile(page, object.files[0]);
                           }),
-                  "page "));
+                  "file "));
   }
   SyntheticObject other = object;
   other.record.texture->pages[2].checksum ^= 1;
@@ -236,8 +247,11 @@ TEST_CASE("an object whose record says something else of its files is not publis
   other.record.texture->pages[1].name = other.record.texture->pages[0].name;
   CHECK(refused(Publish(other, add_all), "page 1 "));
   other = object;
+  other.record.texture->tiles = {9, 1};
+  CHECK(refused(Publish(other, add_all), "tiles"));
+  other = object;
   other.record.texture.reset();
-  CHECK(refused(Publish(other, add_all), "page 0 "));
+  CHECK(refused(Publish(other, add_all), "file 0 "));
   other.files.clear();
   CHECK(Publish(other, [](ObjectWriter&) { return Status::Ok(); }).message() == "");
 }
@@ -289,7 +303,7 @@ TEST_CASE("a builder that gives up leaves nothing of its files", "[store]") {
   const Bytes part(1 << 20, std::byte{7});
   {
     const auto writer = database->Create("one", false).value();
-    for (int i = 0; i < 40; ++i) REQUIRE(writer->AddTexturePage(0, part).ok());
+    for (int i = 0; i < 40; ++i) REQUIRE(writer->AddTextureFile(0, part).ok());
     CHECK(database->FileBytes().value() > (20 << 20));  // some of it is on disk
   }
   CheckReport report;
@@ -311,7 +325,7 @@ TEST_CASE("files that a killed builder left are gone with the next object", "[st
     const auto writer = (*database)->Create("one", false);
     const Bytes part(1 << 20, std::byte{7});
     for (int i = 0; i < 40; ++i) {
-      if (!(*writer)->AddTexturePage(0, part).ok()) return 1;
+      if (!(*writer)->AddTextureFile(0, part).ok()) return 1;
     }
     return 2;
   });

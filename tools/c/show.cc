@@ -102,7 +102,7 @@ Result<RenderOptions> StyleOf(const mtdb_render_options& given, const TriangleMe
   return options;
 }
 
-static_assert(static_cast<int>(ColourBy::kVertexColours) == MTDB_COLOUR_VERTEX &&
+static_assert(static_cast<int>(ColourBy::kOwn) == MTDB_COLOUR_VERTEX &&
               static_cast<int>(ColourBy::kNothing) == MTDB_COLOUR_NONE &&
               static_cast<int>(ColourBy::kNormal) == MTDB_COLOUR_NORMAL &&
               static_cast<int>(ColourBy::kAttribute) == MTDB_COLOUR_ATTRIBUTE &&

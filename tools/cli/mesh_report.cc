@@ -75,11 +75,13 @@ void PrintRaster(const ObjectRecord& r) {
 
 // The images that triangles' corners point into.
 void PrintTexture(const TextureRecord& t) {
-  std::printf("  texture      %zu pages, ", t.pages.size());
   uint64_t bytes = 0;
   for (const TextureRecord::Page& page : t.pages) bytes += page.bytes;
-  std::printf("%s bytes, step %.6g, rounded by up to %.6g, 1 of u and v counts as %.6g\n",
-              Grouped(bytes).c_str(), t.step, t.rounding, t.scale);
+  std::printf("  texture      %s, %s bytes, and %s of tiles for drawing\n",
+              Counted(t.pages.size(), "page", "pages").c_str(), Grouped(bytes).c_str(),
+              Grouped(t.tiles.bytes).c_str());
+  std::printf("  u and v      step %.6g, rounded by up to %.6g, 1 counts as %.6g\n", t.step,
+              t.rounding, t.scale);
   constexpr size_t kMostShown = 16;
   for (size_t i = 0; i < t.pages.size() && i < kMostShown; ++i) {
     const TextureRecord::Page& page = t.pages[i];

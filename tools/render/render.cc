@@ -16,6 +16,7 @@
 #include "tools/render/internal/draped_image.h"
 #include "tools/render/internal/lettering.h"
 #include "tools/render/internal/scene.h"
+#include "tools/render/internal/texture_images.h"
 #include "tools/render/view.h"
 
 namespace mtdb {
@@ -153,11 +154,12 @@ struct Sample {
 
 class Painter {
  public:
-  // `drape` may be null.
-  Painter(const Scene& scene, const Colours& colours, const DrapedImage* drape, const View& view,
-          const RenderOptions& options)
+  // `texture` and `drape` may be null.
+  Painter(const Scene& scene, const Colours& colours, const TextureImages* texture,
+          const DrapedImage* drape, const View& view, const RenderOptions& options)
       : scene_(scene),
         colours_(colours),
+        texture_(texture),
         drape_(drape),
         view_(view),
         options_(options),
@@ -251,6 +253,7 @@ class Painter {
       return {true, PlainColour(*hit, at, shown_normal, value) * light};
     }
     Vec3f albedo = colours_.Albedo(*hit);
+    if (texture_ != nullptr) albedo = Textured(albedo, *hit);
     if (drape_ != nullptr) albedo = Draped(albedo, at, hit->distance);
     if (back) albedo = Scaled(albedo, {0.55f, 0.72f, 1.0f});
     albedo = albedo * (1 - ink);
@@ -264,6 +267,14 @@ class Painter {
     }
     return {true,
             ToneMap(Scaled(albedo, Light(lifted, normal, face, direction, sample, pixel_seed)))};
+  }
+
+  Vec3f Textured(Vec3f albedo, const Hit& hit) const {
+    const Vec3f a = scene_.Vertex(hit.triangle, 0);
+    const double area =
+        Norm(Cross(scene_.Vertex(hit.triangle, 1) - a, scene_.Vertex(hit.triangle, 2) - a)) / 2;
+    const double sample = double{view_.pixel} * hit.distance / subpixels_;
+    return texture_->Over(albedo, hit.triangle, hit.u, hit.v, sample, area);
   }
 
   Vec3f Draped(Vec3f albedo, Vec3f at, float distance) const {
@@ -409,6 +420,7 @@ class Painter {
 
   const Scene& scene_;
   const Colours& colours_;
+  const TextureImages* const texture_;
   const DrapedImage* const drape_;
   const View& view_;
   const RenderOptions& options_;
@@ -441,9 +453,10 @@ Legend LegendOf(const RenderOptions& options, std::array<double, 2> range) {
   return legend;
 }
 
-void Paint(const Scene& scene, Colours& colours, const DrapedImage* drape, const View& view,
-           const RenderOptions& options, RenderImage* image) {
-  const Painter painter(scene, colours, drape, view, options);
+void Paint(const Scene& scene, Colours& colours, const TextureImages* texture,
+           const DrapedImage* drape, const View& view, const RenderOptions& options,
+           RenderImage* image) {
+  const Painter painter(scene, colours, texture, drape, view, options);
   const auto width = static_cast<size_t>(options.width);
   const size_t pixels = width * static_cast<size_t>(options.height);
   image->width = options.width;
@@ -505,8 +518,12 @@ Status RenderMesh(const TriangleMesh& mesh, const RenderOptions& options, Render
     }
     MTDB_RETURN_IF_ERROR(CatchOutOfMemory([&] { return drape.Load(*options.drape); }));
   }
-  Paint(scene, colours, options.drape ? &drape : nullptr, view, options, image);
-  return Status::Ok();
+  TextureImages texture;
+  const bool textured = options.texture != nullptr && options.colour == ColourBy::kOwn;
+  if (textured) MTDB_RETURN_IF_ERROR(texture.Load(mesh, options.texture));
+  Paint(scene, colours, textured ? &texture : nullptr, options.drape ? &drape : nullptr, view,
+        options, image);
+  return texture.status();
 }
 
 }  // namespace mtdb

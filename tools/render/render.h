@@ -5,6 +5,7 @@
 
 #include <array>
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -14,6 +15,7 @@
 #include "store/base/geometry.h"
 #include "store/base/mesh_sink.h"
 #include "store/base/status.h"
+#include "store/texture_tiles.h"
 
 namespace mtdb {
 
@@ -21,12 +23,12 @@ using Rgb = std::array<uint8_t, 3>;
 
 // What a mesh's colours say.
 enum class ColourBy : uint8_t {
-  kVertexColours,  // those of the attributes (FindColours); clay where there are none
-  kNothing,        // clay
-  kNormal,         // the normal's x, y, z from -1 to 1 as red, green, blue from 0 to 255
-  kAttribute,      // RenderOptions::attribute, by ColourOfValue
-  kDistance,       // of each point from RenderOptions::reference, by ColourOfValue
-  kHeight,         // z by TintOfHeight, as maps have it
+  kOwn,        // of the texture, over those of the attributes (FindColours); else clay
+  kNothing,    // clay
+  kNormal,     // the normal's x, y, z from -1 to 1 as red, green, blue from 0 to 255
+  kAttribute,  // RenderOptions::attribute, by ColourOfValue
+  kDistance,   // of each point from RenderOptions::reference, by ColourOfValue
+  kHeight,     // z by TintOfHeight, as maps have it
 };
 
 struct RenderOptions {
@@ -53,7 +55,9 @@ struct RenderOptions {
   // Draws what it sees instead; its viewport, near and far do not matter.
   std::optional<Camera> camera;
 
-  ColourBy colour = ColourBy::kVertexColours;
+  ColourBy colour = ColourBy::kOwn;
+  // Of the object that the mesh is of; null: no texture is drawn.
+  std::shared_ptr<const TextureTiles> texture;
   std::string attribute;
   const TriangleMesh* reference = nullptr;
   // The values with the first and the last colour; none: the least and the largest of the mesh, or
@@ -92,7 +96,7 @@ struct RenderImage {
 // triangles are hardly larger than that. Deterministic. Uses all cores. Memory: some 100 bytes a
 // triangle, also of the reference. Errors: kInvalidArgument (no triangles, a triangle without its
 // vertices, a bad size or view, no such attribute), those of the draped image's file (kBadInput,
-// kUnsupported), kNoSpace when Embree runs out of memory.
+// kUnsupported) and of the texture's tiles, kNoSpace when Embree runs out of memory.
 Status RenderMesh(const TriangleMesh& mesh, const RenderOptions& options, RenderImage* image);
 
 // The colour of a value in pictures and legends, at `t` of the range, 0 .. 1.

@@ -81,7 +81,11 @@ Json TextureJson(const TextureRecord& t) {
                      {"height", page.height},
                      {"bytes", page.bytes}});
   }
-  return {{"step", t.step}, {"scale", t.scale}, {"rounding", t.rounding}, {"pages", pages}};
+  return {{"step", t.step},
+          {"scale", t.scale},
+          {"rounding", t.rounding},
+          {"pages", pages},
+          {"tiles_bytes", t.tiles.bytes}};
 }
 
 Json RoundsJson(const ObjectRecord& r) {

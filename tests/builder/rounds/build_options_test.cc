@@ -31,9 +31,9 @@ class FailingWriter final : public ObjectWriter {
     if (left_-- == 0) return Failure();
     return writer_->Add(entry, children, payload);
   }
-  Status AddTexturePage(uint32_t page, ByteSpan part) override {
+  Status AddTextureFile(uint32_t page, ByteSpan part) override {
     if (left_-- == 0) return Failure();
-    return writer_->AddTexturePage(page, part);
+    return writer_->AddTextureFile(page, part);
   }
   Result<ObjectRecord> Publish(const ObjectRecord& record, const BeforePublish& before) override {
     if (left_-- == 0) return Failure();

@@ -4,6 +4,7 @@
 #include "builder/write/texture_pages.h"
 
 #include <catch2/catch.hpp>
+#include <filesystem>
 #include <map>
 
 #include "store/base/hash.h"
@@ -22,7 +23,7 @@ class FileWriter final : public ObjectWriter {
   Result<UnitId> Add(const UnitEntry&, std::span<const UnitId>, ByteSpan) override {
     return IoError("no units");
   }
-  Status AddTexturePage(uint32_t page, ByteSpan part) override {
+  Status AddTextureFile(uint32_t page, ByteSpan part) override {
     if (left_-- == 0) return {StatusCode::kNoSpace, "the disk is full"};
     CHECK(part.size() <= (1 << 20));
     CHECK((files.empty() || files.rbegin()->first <= page));
@@ -53,13 +54,20 @@ Texture Failing(const Status& status) {
   return texture;
 }
 
+Status Add(const std::vector<Texture>& textures, ObjectWriter& writer, TextureRecord* record,
+           std::vector<std::string>* notes) {
+  const SpoolSpace space{std::filesystem::temp_directory_path().string()};
+  TileMaker tiles(&space, 1, [] { return Status::Ok(); });
+  return AddTexturePages(textures, writer, tiles, record, notes);
+}
+
 std::vector<std::string> NamesOf(const std::vector<std::string>& given) {
   std::vector<Texture> textures;
   for (const std::string& name : given) textures.push_back(Image(name, 1));
   FileWriter writer;
   TextureRecord record;
   std::vector<std::string> notes, names;
-  REQUIRE(AddTexturePages(textures, writer, &record, &notes).ok());
+  REQUIRE(Add(textures, writer, &record, &notes).ok());
   for (const TextureRecord::Page& page : record.pages) {
     CHECK(CheckPageName(page.name).ok());
     names.push_back(page.name);
@@ -77,9 +85,13 @@ TEST_CASE("images are loaded once and added in parts, and the record says what t
   TextureRecord record;
   record.step = 0.5;
   std::vector<std::string> notes;
-  REQUIRE(AddTexturePages(textures, writer, &record, &notes).message() == "");
+  REQUIRE(Add(textures, writer, &record, &notes).message() == "");
   CHECK(loads == 3);
-  CHECK(notes.empty());
+  // They are no images, so no tiles are made of them.
+  CHECK(notes == std::vector<std::string>{
+                     "a.jpg: kept, but not drawn: the image is neither a PNG nor a JPEG file",
+                     "d.jpg: kept, but not drawn: the image is neither a PNG nor a JPEG file"});
+  CHECK(record.tiles == TextureRecord::File{});
   CHECK(record.step == 0.5);
   REQUIRE(record.pages.size() == 4);
   CHECK(writer.files.size() == 2);
@@ -101,18 +113,17 @@ TEST_CASE("an image that cannot be had is a page without bytes, and a note") {
   std::vector<std::string> notes;
   const std::vector<Texture> textures{Failing(NotFound("gone.png: no such file")),
                                       Image("b.jpg", 5)};
-  REQUIRE(AddTexturePages(textures, writer, &record, &notes).message() == "");
-  CHECK(notes == std::vector<std::string>{"gone.png: no such file"});
+  REQUIRE(Add(textures, writer, &record, &notes).message() == "");
+  CHECK(notes.at(0) == "gone.png: no such file");
   CHECK(record.pages[0].bytes == 0);
   CHECK(record.pages[0].checksum == 0);
   CHECK(record.pages[1].bytes == 5);
   for (const StatusCode code : {StatusCode::kCancelled, StatusCode::kNoSpace}) {
-    CHECK(AddTexturePages({Failing({code, "ended"})}, writer, &record, &notes).code() == code);
+    CHECK(Add({Failing({code, "ended"})}, writer, &record, &notes).code() == code);
   }
   FileWriter full(2);
-  CHECK(AddTexturePages({Image("a.jpg", 3 << 20)}, full, &record, &notes).message() ==
-        "the disk is full");
-  CHECK(AddTexturePages(std::vector<Texture>(kMostPages + 1), writer, &record, &notes).code() ==
+  CHECK(Add({Image("a.jpg", 3 << 20)}, full, &record, &notes).message() == "the disk is full");
+  CHECK(Add(std::vector<Texture>(kMostPages + 1), writer, &record, &notes).code() ==
         StatusCode::kBadInput);
 }
 

@@ -41,9 +41,9 @@ Result<UnitId> LateWriter::Add(const UnitEntry& entry, std::span<const UnitId> c
   return writer_->Add(entry, children, payload);
 }
 
-Status LateWriter::AddTexturePage(uint32_t page, ByteSpan part) {
+Status LateWriter::AddTextureFile(uint32_t file, ByteSpan part) {
   MTDB_RETURN_IF_ERROR(Begin());
-  return writer_->AddTexturePage(page, part);
+  return writer_->AddTextureFile(file, part);
 }
 
 Result<ObjectRecord> LateWriter::Publish(const ObjectRecord& record, const BeforePublish& before) {

@@ -21,7 +21,7 @@ class LateWriter final : public ObjectWriter {
 
   Result<UnitId> Add(const UnitEntry& entry, std::span<const UnitId> children,
                      ByteSpan payload) override;
-  Status AddTexturePage(uint32_t page, ByteSpan part) override;
+  Status AddTextureFile(uint32_t file, ByteSpan part) override;
   Result<ObjectRecord> Publish(const ObjectRecord& record,
                                const BeforePublish& before = {}) override;
 

@@ -49,7 +49,7 @@ void Stretch(Vec3d scale, TriangleMesh* mesh) {
 // north-west, and without a view or a camera from above.
 void DrawAsMap(const QueryArguments& arguments, const ObjectRecord& record,
                RenderOptions* options) {
-  if (IsTerrain(record) && options->colour == ColourBy::kVertexColours) {
+  if (IsTerrain(record) && options->colour == ColourBy::kOwn) {
     options->colour = options->drape ? ColourBy::kNothing : ColourBy::kHeight;
     options->hillshade = true;
   }
@@ -177,6 +177,7 @@ Status Render(const QueryArguments& arguments) {
   }
   MTDB_RETURN_IF_ERROR(ReadImage(arguments, surface->record(), &options));
   DrawAsMap(arguments, surface->record(), &options);
+  MTDB_ASSIGN_OR_RETURN(options.texture, TextureTiles::Open(surface->source()));
   MTDB_ASSIGN_OR_RETURN(const Query query, QueryFromJson(json, surface->record()));
   const double open_seconds = SecondsSince(begin);
   TriangleMesh mesh, reference;
@@ -259,9 +260,9 @@ void AddColourOptions(VerbOptions* verb, const char* group, QueryArguments* a) {
             return Status::Ok();
           },
           "colour by: an attribute's name; height, by tints as of maps; error, the distance from "
-          "the surface at full resolution; normal; or none (default: the scan's red, green, blue; "
-          "of a terrain height). attribute:NAME is "
-          "an attribute, whatever its name")
+          "the surface at full resolution; normal; or none (default: its texture, or the scan's "
+          "red, green, blue; of a terrain height). attribute:NAME is an attribute, whatever its "
+          "name")
       .Form("WHAT")
       .Group(group);
   verb->Add("--drape", a->drape,

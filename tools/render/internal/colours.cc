@@ -79,7 +79,7 @@ Status Colours::Load(const TriangleMesh& mesh, const RenderOptions& options) {
       height_scale_ = options.height_scale;
       LoadHeights();
       break;
-    case ColourBy::kVertexColours:
+    case ColourBy::kOwn:
       range_.reset();
       LoadVertexColours(mesh);
       break;

@@ -3,11 +3,10 @@
 #pragma once
 
 #include <array>
-#include <vector>
 
 #include "codecs/mesh_file/draped_mesh_file.h"
 #include "store/base/geometry.h"
-#include "tools/render/internal/decode_image.h"
+#include "tools/render/internal/image_levels.h"
 
 namespace mtdb::internal {
 
@@ -23,15 +22,8 @@ class DrapedImage {
   Vec3f Over(Vec3f under, double x, double y, double size) const;
 
  private:
-  struct Texel {
-    Vec3f colour;  // linear, times alpha
-    float alpha = 0;
-  };
-  static Texel At(const Pixels& level, double u, double v);
-
   std::array<double, 6> place_{};
-  // The image, and halves of the one before, so that samples that are far apart do not flicker.
-  std::vector<Pixels> levels_;
+  ImageLevels image_;
 };
 
 }  // namespace mtdb::internal

@@ -9,7 +9,7 @@
 
 #include "store/base/status.h"
 
-namespace mtdb::internal {
+namespace mtdb {
 
 struct Pixels {
   size_t width = 0, height = 0;
@@ -21,4 +21,4 @@ struct Pixels {
 // neither, or ends too early), kUnsupported (more than 2^27 pixels, CMYK).
 Result<Pixels> DecodeImage(const std::string& file);
 
-}  // namespace mtdb::internal
+}  // namespace mtdb

@@ -1,0 +1,35 @@
+// SPDX-License-Identifier: Apache-2.0
+// JpegReader: the rows of a JPEG file.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+
+#include "store/base/bytes.h"
+#include "store/base/status.h"
+
+namespace mtdb::internal {
+
+// Holds a few rows; of a progressive file six bytes for each of its pixels. The file's bytes must
+// outlive it. One thread.
+class JpegReader {
+ public:
+  // Errors: kBadInput, kUnsupported (CMYK).
+  static Result<std::unique_ptr<JpegReader>> Open(ByteSpan file);
+  ~JpegReader();
+
+  uint32_t width() const;
+  uint32_t height() const;
+  // Whether the file has its rows one after the other.
+  bool sequential() const;
+  // The next row, from the top: red, green, blue of each pixel, or with alpha four bytes, the last
+  // of them 255. The first call decides which. Errors: kBadInput, kNoMemory.
+  Status ReadRow(bool alpha, uint8_t* row);
+
+ private:
+  struct State;
+  explicit JpegReader(std::unique_ptr<State> state);
+  const std::unique_ptr<State> state_;
+};
+
+}  // namespace mtdb::internal
