@@ -4,9 +4,9 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <string>
 #include <vector>
 
+#include "store/base/bytes.h"
 #include "store/base/status.h"
 
 namespace mtdb {
@@ -17,8 +17,7 @@ struct Pixels {
   std::vector<uint8_t> rgba;
 };
 
-// Of the file's bytes; a JPEG in grey, YCbCr or RGB, a PNG of any kind. Errors: kBadInput (it is
-// neither, or ends too early), kUnsupported (more than 2^27 pixels, CMYK).
-Result<Pixels> DecodeImage(const std::string& file);
+// Errors: those of ImageRows; kUnsupported when there are more than 2^27 pixels.
+Result<Pixels> DecodeImage(ByteSpan file);
 
 }  // namespace mtdb

@@ -167,7 +167,7 @@ Result<std::unique_ptr<ImageRows>> ImageRows::Open(ByteSpan file) {
   return CatchOutOfMemory([&]() -> Result<std::unique_ptr<ImageRows>> {
     if (begins("\x89PNG")) return PngRows::Open(file);
     if (begins("\xff\xd8")) return JpegRows::Open(file);
-    return Unsupported("the image is neither a PNG nor a JPEG file");
+    return BadInput("the image is neither a PNG nor a JPEG file");
   });
 }
 

@@ -16,7 +16,7 @@ namespace mtdb {
 class ImageRows {
  public:
   // The file's bytes must outlive it. Errors: kBadInput (neither, or damaged), kUnsupported (CMYK,
-  // other image formats, too many pixels for a file that is not in rows).
+  // too many pixels for a file that is not in rows).
   static Result<std::unique_ptr<ImageRows>> Open(ByteSpan file);
   virtual ~ImageRows() = default;
 

@@ -3,12 +3,13 @@
 
 #include <algorithm>
 #include <cmath>
+#include <span>
 #include <utility>
 
 namespace mtdb::internal {
 
 Status DrapedImage::Load(const MeshTexture& texture) {
-  MTDB_ASSIGN_OR_RETURN(Pixels pixels, DecodeImage(texture.image));
+  MTDB_ASSIGN_OR_RETURN(Pixels pixels, DecodeImage(std::as_bytes(std::span(texture.image))));
   place_ = texture.place;
   image_.Load(std::move(pixels));
   return Status::Ok();

@@ -13,10 +13,6 @@ namespace {
 
 constexpr uint64_t kMostDecoded = uint64_t{256} << 20;
 
-std::string AsText(const Bytes& bytes) {
-  return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};
-}
-
 // A coordinate that repeats itself, in parts of the page.
 double Wrapped(double x) { return x - std::floor(x); }
 
@@ -46,7 +42,7 @@ TextureImages::TilePixels TextureImages::Tile(const TilePlace& place) const {
   }
   const auto read = [&]() -> Result<Pixels> {
     MTDB_ASSIGN_OR_RETURN(const Bytes tile, tiles_->Tile(place));
-    return DecodeImage(AsText(tile));
+    return DecodeImage(tile);
   };
   Result<Pixels> pixels = read();
   TilePixels tile;
