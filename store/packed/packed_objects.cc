@@ -1,4 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <optional>
+#include <string>
+
 #include "store/base/out_of_memory.h"
 #include "store/packed/packed_reader.h"
 #include "store/packed_file.h"
@@ -25,6 +28,22 @@ Result<std::shared_ptr<ClusterSource>> PackedObjects::OpenObject(const std::stri
     MTDB_ASSIGN_OR_RETURN(const PackedObject* const object, file_->Find(name));
     return PackedSource::Open(file_, *object, false);
   });
+}
+
+// The tiles come first; they are what the pages leave.
+Result<ByteRange> PackedObjects::TextureFileRange(const std::string& name, uint32_t file) const {
+  MTDB_ASSIGN_OR_RETURN(const PackedObject* const object, file_->Find(name));
+  const std::optional<TextureRecord>& texture = object->record.texture;
+  if (!texture || file > texture->pages.size()) {
+    return InvalidArgument("object " + name + ": its texture has no file " + std::to_string(file));
+  }
+  ByteRange range{object->textures, object->end - object->textures};
+  for (const TextureRecord::Page& page : texture->pages) range.bytes -= page.bytes;
+  if (file == texture->pages.size()) return range;
+  range.offset += range.bytes;
+  for (uint32_t p = 0; p < file; ++p) range.offset += texture->pages[p].bytes;
+  range.bytes = texture->pages[file].bytes;
+  return range;
 }
 
 }  // namespace mtdb
