@@ -1,0 +1,158 @@
+// SPDX-License-Identifier: Apache-2.0
+// What the shader knows of a texture (shaders.ts): its pages, and for each tile of each level which
+// tile on the card shows that place best, itself or one of a coarser level.
+import {sizeOf, tileSize, type TiledPage, type TileName} from './texture_tiles';
+
+export const kTableWidth = 1024, // of the tables, as textures
+  kPageTexels = 3 + 32; // of a page: width, height, levels, and where the entries of each level begin
+
+// Tiles on the card lie in squares of these sides, in layers of the largest.
+export const kLayer = 512,
+  kCell = 128;
+export type Side = 128 | 256 | 512;
+export function sideOf(page: TiledPage, tile: TileName): Side {
+  const {width, height} = tileSize(page, tile),
+    longer = Math.max(width, height);
+  return longer > 256 ? 512 : longer > kCell ? 256 : kCell;
+}
+
+// Where a tile lies on the card, and its level, as an entry of the table; never 0.
+export const placeOf = (layer: number, column: number, row: number) =>
+  layer | (column << 10) | (row << 12) | (1 << 31);
+const kLevelAt = 14;
+const levelIn = (entry: number) => (entry >>> kLevelAt) & 31;
+
+export class PageTable {
+  readonly pages: Uint32Array<ArrayBuffer>;
+  readonly entries: Uint32Array<ArrayBuffer>;
+  // Where the entries of each level of each page begin, in ascending order.
+  private readonly begins: {first: number; page: number; level: number; columns: number}[] = [];
+
+  constructor(readonly list: TiledPage[]) {
+    const padded = (size: number) =>
+      new Uint32Array(Math.max(1, Math.ceil(size / kTableWidth)) * kTableWidth);
+    this.pages = padded(kPageTexels * list.length);
+    let next = 0;
+    list.forEach((page, p) => {
+      const at = kPageTexels * p;
+      this.pages.set([page.width, page.height, page.levels], at);
+      for (let level = 0; level < page.levels; ++level) {
+        const {columns, rows} = sizeOf(page, level);
+        this.pages[at + 3 + level] = next;
+        this.begins.push({first: next, page: p, level, columns});
+        next += columns * rows;
+      }
+    });
+    this.size = next;
+    this.entries = padded(next);
+  }
+  readonly size: number; // entries
+
+  entryOf([page, level, column, row]: TileName): number {
+    const first = this.pages[kPageTexels * page + 3 + level]!;
+    return first + row * sizeOf(this.list[page]!, level).columns + column;
+  }
+
+  nameOf(entry: number): TileName {
+    let low = 0,
+      high = this.begins.length;
+    while (high - low > 1) {
+      const middle = (low + high) >> 1;
+      if (this.begins[middle]!.first <= entry) low = middle;
+      else high = middle;
+    }
+    const {first, page, level, columns} = this.begins[low]!,
+      number = entry - first;
+    return [page, level, number % columns, Math.floor(number / columns)];
+  }
+
+  // The coarsest tile of each page.
+  coarsest(): TileName[] {
+    return this.list.flatMap((page, p) =>
+      page.levels > 0 ? [[p, page.levels - 1, 0, 0] as const] : [],
+    );
+  }
+
+  parentOf([page, level, column, row]: TileName): TileName | null {
+    return level + 1 < this.list[page]!.levels ? [page, level + 1, column >> 1, row >> 1] : null;
+  }
+
+  // The level of what shows a tile; null: nothing does.
+  shownLevel(entry: number): number | null {
+    const found = this.entries[entry]!;
+    return found === 0 ? null : levelIn(found);
+  }
+
+  // Calls for the tile and all of finer levels that lie in it.
+  private within([page, level, column, row]: TileName, act: (entry: number) => void) {
+    for (let fine = level; fine >= 0; --fine) {
+      const {columns, rows} = sizeOf(this.list[page]!, fine),
+        scale = 2 ** (level - fine),
+        first = this.entryOf([page, fine, 0, 0]);
+      const right = Math.min(columns, (column + 1) * scale),
+        below = Math.min(rows, (row + 1) * scale);
+      for (let y = row * scale; y < below; ++y)
+        for (let x = column * scale; x < right; ++x) act(first + y * columns + x);
+    }
+  }
+
+  // The tile is at that place from now on; see placeOf.
+  put(tile: TileName, place: number) {
+    const [, level] = tile,
+      entry = (place | (level << kLevelAt)) >>> 0;
+    this.within(tile, at => {
+      const there = this.entries[at]!;
+      if (there === 0 || levelIn(there) >= level) this.entries[at] = entry;
+    });
+  }
+
+  // The tile is there no more.
+  drop(tile: TileName) {
+    const gone = this.entries[this.entryOf(tile)]!,
+      parent = this.parentOf(tile),
+      instead = parent ? this.entries[this.entryOf(parent)]! : 0;
+    this.within(tile, at => {
+      if (this.entries[at] === gone) this.entries[at] = instead;
+    });
+  }
+}
+
+// A tile that is wanted, by so many pixels.
+export interface Wanted {
+  side: Side;
+  pixels: number;
+}
+
+// How many layers so many tiles take.
+export function layersFor(counts: Record<Side, number>) {
+  return counts[512] + Math.ceil(counts[256] / 4) + Math.ceil(counts[128] / 16);
+}
+
+// Those that most pixels want, as many as fit so many layers. And how many layers all would take.
+export function choose<T extends Wanted>(all: T[], layers: number): {chosen: T[]; needed: number} {
+  const counts = {128: 0, 256: 0, 512: 0},
+    fits = {128: 0, 256: 0, 512: 0},
+    chosen: T[] = [];
+  for (const tile of [...all].sort((a, b) => b.pixels - a.pixels)) {
+    ++counts[tile.side];
+    ++fits[tile.side];
+    if (layersFor(fits) <= layers) chosen.push(tile);
+    else --fits[tile.side];
+  }
+  return {chosen, needed: layersFor(counts)};
+}
+
+// What is asked for by the pixels of a small picture: bytes of an entry, lowest first, and the
+// object. Counts the entries of each object.
+export function countAsked(pixels: Uint8Array): Map<number, Map<number, number>> {
+  const books = new Map<number, Map<number, number>>();
+  for (let i = 0; i < pixels.length; i += 4) {
+    const book = pixels[i + 3]!;
+    if (book === 0) continue;
+    let counts = books.get(book);
+    if (!counts) books.set(book, (counts = new Map()));
+    const entry = pixels[i]! | (pixels[i + 1]! << 8) | (pixels[i + 2]! << 16);
+    counts.set(entry, (counts.get(entry) ?? 0) + 1);
+  }
+  return books;
+}
