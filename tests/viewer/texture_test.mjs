@@ -286,21 +286,40 @@ console.log('requests of tiles');
 }
 {
   // Those that most pixels want; small ones share layers.
-  const want = (side, pixels) => ({side, pixels});
+  const want = (columns, rows, pixels) => ({shape: {columns, rows}, pixels});
   const all = [
-    ...Array.from({length: 5}, (_, i) => want(512, 10 + i)),
-    ...Array.from({length: 17}, () => want(128, 1)),
-    want(256, 100),
+    ...Array.from({length: 5}, (_, i) => want(4, 4, 10 + i)),
+    ...Array.from({length: 17}, () => want(1, 1, 1)),
+    want(2, 2, 100),
+    want(1, 4, 0.5),
   ];
   const {chosen, needed} = table.choose(all, 6);
-  assert.equal(needed, 5 + 1 + 2);
+  assert.equal(needed, 5 + 2 + 1 + 1);
   assert.equal(chosen.length, 6);
-  assert.equal(table.choose(all, 7).chosen.length, 22);
-  assert.equal(table.choose(all, 8).chosen.length, 23);
+  assert.equal(table.choose(all, 7).chosen.length, 6 + 16);
+  assert.equal(table.choose(all, 8).chosen.length, 6 + 17);
+  assert.equal(table.choose(all, 9).chosen.length, 6 + 18);
   assert.deepEqual(
     table.choose(all, 2).chosen.map(t => t.pixels),
     [100, 14],
   );
+  // A page of 8192 pixels a side: its coarse levels take few cells, and so do remainders of tiles.
+  const page = {width: 8192, height: 8192, levels: 8};
+  const shapes = [7, 6, 5, 4].map(level => table.shapeOf(page, [0, level, 0, 0]));
+  assert.deepEqual(
+    shapes.map(s => s.columns),
+    [1, 1, 2, 4],
+  );
+  assert.deepEqual(table.shapeOf(page, [0, 4, 1, 0]), {columns: 1, rows: 4});
+  for (const columns of [1, 2, 4])
+    for (const rows of [1, 2, 4]) {
+      const places = Array.from({length: table.slotsOf({columns, rows})}, (_, slot) =>
+        table.slotAt({columns, rows}, slot),
+      );
+      assert.equal(new Set(places.map(p => `${p.column} ${p.row}`)).size, 16 / columns / rows);
+      for (const {column, row} of places)
+        assert.ok(column + columns <= 4 && row + rows <= 4 && !(column % columns) && !(row % rows));
+    }
   const counts = table.countAsked(
     Uint8Array.from([1, 2, 0, 3, 1, 2, 0, 3, 0, 0, 1, 3, 9, 9, 9, 0, 1, 2, 0, 1]),
   );

@@ -6,14 +6,27 @@ import {sizeOf, tileSize, type TiledPage, type TileName} from './texture_tiles';
 export const kTableWidth = 1024, // of the tables, as textures
   kPageTexels = 3 + 32; // of a page: width, height, levels, and where the entries of each level begin
 
-// Tiles on the card lie in squares of these sides, in layers of the largest.
-export const kLayer = 512,
-  kCell = 128;
-export type Side = 128 | 256 | 512;
-export function sideOf(page: TiledPage, tile: TileName): Side {
-  const {width, height} = tileSize(page, tile),
-    longer = Math.max(width, height);
-  return longer > 256 ? 512 : longer > kCell ? 256 : kCell;
+// Layers on the card have 4 x 4 cells, of which a tile takes 1, 2 or 4 each way, and all tiles of
+// a layer as many. A cell has room for an eighth of 1024 pixels, and the margins.
+export const kCell = 136,
+  kCells = 4,
+  kLayer = kCells * kCell;
+export interface Shape {
+  columns: number; // cells
+  rows: number;
+}
+const cellsFor = (pixels: number) => (pixels <= kCell ? 1 : pixels <= 2 * kCell ? 2 : 4);
+export function shapeOf(page: TiledPage, tile: TileName): Shape {
+  const {width, height} = tileSize(page, tile);
+  return {columns: cellsFor(width), rows: cellsFor(height)};
+}
+export const sameShape = (a: Shape, b: Shape) => a.columns === b.columns && a.rows === b.rows;
+// Of tiles of a shape in a layer.
+export const slotsOf = ({columns, rows}: Shape) => (kCells * kCells) / (columns * rows);
+// In cells.
+export function slotAt({columns, rows}: Shape, slot: number) {
+  const across = kCells / columns;
+  return {column: (slot % across) * columns, row: Math.floor(slot / across) * rows};
 }
 
 // Where a tile lies on the card, and its level, as an entry of the table; never 0.
@@ -119,27 +132,38 @@ export class PageTable {
 
 // A tile that is wanted, by so many pixels.
 export interface Wanted {
-  side: Side;
+  shape: Shape;
   pixels: number;
 }
 
-// How many layers so many tiles take.
-export function layersFor(counts: Record<Side, number>) {
-  return counts[512] + Math.ceil(counts[256] / 4) + Math.ceil(counts[128] / 16);
+// Counts the layers that tiles take.
+export class LayerCount {
+  layers = 0;
+  private readonly free = new Map<number, number>(); // slots, by shape
+  add(shape: Shape) {
+    const key = kCells * shape.columns + shape.rows,
+      free = this.free.get(key) ?? 0;
+    if (free === 0) ++this.layers;
+    this.free.set(key, (free || slotsOf(shape)) - 1);
+  }
+  // Whether it takes no layer more.
+  hasRoom(shape: Shape) {
+    return (this.free.get(kCells * shape.columns + shape.rows) ?? 0) > 0;
+  }
 }
 
 // Those that most pixels want, as many as fit so many layers. And how many layers all would take.
 export function choose<T extends Wanted>(all: T[], layers: number): {chosen: T[]; needed: number} {
-  const counts = {128: 0, 256: 0, 512: 0},
-    fits = {128: 0, 256: 0, 512: 0},
+  const count = new LayerCount(),
+    fits = new LayerCount(),
     chosen: T[] = [];
   for (const tile of [...all].sort((a, b) => b.pixels - a.pixels)) {
-    ++counts[tile.side];
-    ++fits[tile.side];
-    if (layersFor(fits) <= layers) chosen.push(tile);
-    else --fits[tile.side];
+    count.add(tile.shape);
+    if (fits.layers >= layers && !fits.hasRoom(tile.shape)) continue;
+    fits.add(tile.shape);
+    chosen.push(tile);
   }
-  return {chosen, needed: layersFor(counts)};
+  return {chosen, needed: count.layers};
 }
 
 // What is asked for by the pixels of a small picture: bytes of an entry, lowest first, and the

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The shaders of all meshes and of their edges.
 import * as three from 'three';
-import {kPageTexels, kTableWidth} from './page_table';
+import {kCell, kPageTexels, kTableWidth} from './page_table';
 
 const vertex = `
 precision highp float;
@@ -75,7 +75,7 @@ uniform int pageCount;
 uniform float book;                 // which object asks
 uniform float levelBias, sharper;   // how much coarser than a texel a pixel; how many pixels along a slope one texel may cover
 const int kPageTexels = PAGE_TEXELS, kTableWidth = TABLE_WIDTH;
-const float kSquare = 504.0, kMargin = 4.0, kLayer = 512.0;
+const float kSquare = 504.0, kMargin = 4.0, kCell = CELL, kLayer = 4.0 * kCell;
 
 uint look(highp usampler2D table, int i) {
   return texelFetch(table, ivec2(i % kTableWidth, i / kTableWidth), 0).r;
@@ -118,7 +118,7 @@ vec4 colourAt(Place p, int level) {
   int stored = int(entry >> 14 & 31u); // level
   float texel = exp2(float(stored));
   vec2 inTile = p.at / texel - kSquare * vec2(tile >> (stored - level)) + kMargin;
-  vec2 corner = 128.0 * vec2(float(entry >> 10 & 3u), float(entry >> 12 & 3u));
+  vec2 corner = kCell * vec2(float(entry >> 10 & 3u), float(entry >> 12 & 3u));
   return textureGrad(tiles, vec3((corner + inTile) / kLayer, float(entry & 1023u)), p.right / texel / kLayer, p.up / texel / kLayer);
 }
 vec4 textureHere() {
@@ -132,7 +132,8 @@ vec4 textureHere() {
 // Which tile would be shown here, if all were there.
 vec4 askHere() {
   Place p;
-  if (!place(p)) return vec4(0.0);
+  // Triangles that lie in a point of the page show what is there.
+  if (!place(p) || max(dot(p.right, p.right), dot(p.up, p.up)) < 1e-9) return vec4(0.0);
   ivec2 tile;
   int entry = entryOf(p, int(p.level), tile);
   return vec4(float(entry & 255), float(entry >> 8 & 255), float(entry >> 16 & 255), book) / 255.0;
@@ -286,7 +287,14 @@ export function sharedUniforms(): Uniforms {
 
 export function surfaceMaterial(shared: Uniforms, own: Uniforms, textured = false) {
   return new three.RawShaderMaterial({
-    defines: textured ? {TEXTURED: '', PAGE_TEXELS: kPageTexels, TABLE_WIDTH: kTableWidth} : {},
+    defines: textured
+      ? {
+          TEXTURED: '',
+          PAGE_TEXELS: kPageTexels,
+          TABLE_WIDTH: kTableWidth,
+          CELL: kCell.toFixed(1),
+        }
+      : {},
     glslVersion: three.GLSL3,
     vertexShader: vertex,
     fragmentShader: fragment,

@@ -9,11 +9,14 @@ import {
   countAsked,
   kCell,
   kLayer,
-  layersFor,
+  LayerCount,
   PageTable,
   placeOf,
-  sideOf,
-  type Side,
+  sameShape,
+  shapeOf,
+  slotAt,
+  slotsOf,
+  type Shape,
   type Wanted,
 } from './page_table';
 import type {Scene, SceneObject} from './scene';
@@ -21,14 +24,16 @@ import type {Uniforms} from './shaders';
 import type {TextureNews} from './source';
 import {tileSize, type TileName} from './texture_tiles';
 
-const kLayers = 64, // of 1 MiB
-  kLayersOnPhones = 32;
+const kBytes = 2 ** 26,
+  kBytesOnPhones = 2 ** 25,
+  kLayerBytes = 4 * kLayer * kLayer;
 const kShrink = 8; // the picture is asked at an eighth of its size, each time at other pixels
 const kPasses = 6; // after a change
-const kRemembered = 4; // passes for which a tile stays wanted
-const kPause = 120; // milliseconds between passes, and
-const kShare = 6; // as many frames
-const kUploads = 3, // in a frame
+const kRemembered = 6; // passes for which a tile stays wanted
+const kPause = 120, // milliseconds between passes, and
+  kShare = 6, // as many frames, but
+  kLongestPause = 500;
+const kUploads = 4, // in a frame
   kUploadMilliseconds = 4;
 const kAgain = 5500; // milliseconds until what failed is wanted again
 const kBiasStep = 0.5,
@@ -44,8 +49,15 @@ export interface TexturingContext {
     texture(): three.Texture; // one that is filled elsewhere
     table(data: Uint32Array): three.DataTexture;
     target(width: number, height: number): three.WebGLRenderTarget;
-    // What the shader asks for, in place of what it shows, into the target, `x` and `y` pixels off.
-    ask(target: three.WebGLRenderTarget, shrink: number, x: number, y: number): void;
+    // Draws what the shader asks for, in place of what it shows, into the target, `x` and `y` pixels
+    // off; `read` is called while it is bound.
+    ask(
+      target: three.WebGLRenderTarget,
+      shrink: number,
+      x: number,
+      y: number,
+      read: () => void,
+    ): void;
   };
   viewport(): [number, number];
   say(sentence: string, milliseconds?: number): void;
@@ -61,14 +73,13 @@ interface Resident {
 }
 
 interface Layer {
-  side: Side;
+  shape: Shape; // of its tiles
   slots: (Resident | null)[];
 }
 
-const across = (side: Side) => kLayer / side;
 const newest = (layer: Layer) => Math.max(...layer.slots.map(r => r?.wanted ?? -1));
 
-// The array of layers. Each has tiles of one size.
+// The array of layers.
 class Layers {
   private readonly layers: (Layer | null)[];
 
@@ -77,27 +88,27 @@ class Layers {
   }
 
   // A place for a tile, where nothing is or what is wanted least, and nothing that pass `now` chose.
-  take(side: Side, now: number): {layer: number; slot: number} | null {
-    let best: {layer: number; slot: number; wanted: number} | null = null;
-    const better = (layer: number, slot: number, wanted: number) => {
-      if (wanted < now && (!best || wanted < best.wanted)) best = {layer, slot, wanted};
+  take(shape: Shape, now: number): {layer: number; slot: number} | null {
+    const best = {layer: -1, slot: 0, wanted: now};
+    const weigh = (layer: number, slot: number, wanted: number) => {
+      if (wanted < best.wanted) Object.assign(best, {layer, slot, wanted});
     };
     this.layers.forEach((layer, i) => {
-      if (layer?.side === side)
-        layer.slots.forEach((resident, slot) => better(i, slot, resident?.wanted ?? -2));
-      else better(i, 0, layer ? newest(layer) : -1);
+      if (layer && sameShape(layer.shape, shape))
+        layer.slots.forEach((resident, slot) => weigh(i, slot, resident?.wanted ?? -2));
+      else weigh(i, 0, layer ? newest(layer) : -1);
     });
-    const place = best as {layer: number; slot: number} | null;
-    if (!place) return null;
-    const layer = this.layers[place.layer];
-    if (layer?.side === side) {
-      layer.slots[place.slot]?.book.drop(layer.slots[place.slot]!);
+    if (best.layer < 0) return null;
+    const layer = this.layers[best.layer];
+    if (layer && sameShape(layer.shape, shape)) {
+      const before = layer.slots[best.slot];
+      before?.book.drop(before);
     } else {
       for (const resident of layer?.slots ?? []) resident?.book.drop(resident);
-      const slots = Array.from({length: across(side) ** 2}, () => null);
-      this.layers[place.layer] = {side, slots};
+      const slots = Array.from({length: slotsOf(shape)}, () => null);
+      this.layers[best.layer] = {shape, slots};
     }
-    return place;
+    return best;
   }
 
   set(resident: Resident) {
@@ -107,13 +118,6 @@ class Layers {
   forget(book: Book) {
     for (const layer of this.layers)
       layer?.slots.forEach((resident, i) => resident?.book === book && (layer.slots[i] = null));
-  }
-
-  // In cells of kCell pixels.
-  placeIn(layer: number, slot: number) {
-    const {side} = this.layers[layer]!,
-      cells = side / kCell;
-    return [(slot % across(side)) * cells, Math.floor(slot / across(side)) * cells] as const;
   }
 }
 
@@ -181,7 +185,7 @@ class Book {
 
   choice(entry: number, pixels: number): Chosen {
     const tile = this.table.nameOf(entry);
-    return {book: this, entry, tile, pixels, side: sideOf(this.table.list[tile[0]]!, tile)};
+    return {book: this, entry, tile, pixels, shape: shapeOf(this.table.list[tile[0]]!, tile)};
   }
 
   // How long a place should have been finer, in levels, times the pixels that show it.
@@ -235,11 +239,14 @@ export class Texturing {
     const gl = this.gl(),
       phone = matchMedia('(max-width: 700px)').matches;
     this.most = Math.min(
-      phone ? kLayersOnPhones : kLayers,
+      Math.floor((phone ? kBytesOnPhones : kBytes) / kLayerBytes),
       gl.getParameter(gl.MAX_ARRAY_TEXTURE_LAYERS) as number,
     );
     this.handle = viewer.drawing.texture();
-    viewer.canvas.addEventListener('webglcontextrestored', () => this.restart());
+    viewer.canvas.addEventListener('webglcontextrestored', () => {
+      this.array = null; // it went with the context
+      this.restart();
+    });
   }
 
   private gl() {
@@ -311,16 +318,16 @@ export class Texturing {
 
   // All tiles come anew, into as many layers as they take.
   private restart() {
-    const counts = {128: 0, 256: 0, 512: 0};
+    const all = new LayerCount();
     for (const {table} of this.books.values())
-      for (let entry = 0; entry < table.size && counts[512] < this.most; ++entry) {
+      for (let entry = 0; entry < table.size && all.layers < this.most; ++entry) {
         const tile = table.nameOf(entry);
-        ++counts[sideOf(table.list[tile[0]]!, tile)];
+        all.add(shapeOf(table.list[tile[0]]!, tile));
       }
     const {renderer, shared} = this.viewer,
       gl = this.gl();
     if (this.array) gl.deleteTexture(this.array);
-    this.layers = new Layers(Math.min(this.most, layersFor(counts) + 1));
+    this.layers = new Layers(Math.min(this.most, all.layers + 1));
     this.array = gl.createTexture();
     renderer.state.bindTexture(gl.TEXTURE_2D_ARRAY, this.array);
     gl.texStorage3D(gl.TEXTURE_2D_ARRAY, 1, gl.RGBA8, kLayer, kLayer, this.layers.count);
@@ -371,7 +378,7 @@ export class Texturing {
   }
 
   private pause() {
-    return Math.max(kPause, kShare * this.frameTime);
+    return Math.min(kLongestPause, Math.max(kPause, kShare * this.frameTime));
   }
 
   // As many tiles as a frame has time for.
@@ -403,12 +410,13 @@ export class Texturing {
       return false;
     }
     const layers = this.layers!,
-      at = layers.take(sideOf(page, tile), this.pass);
+      shape = shapeOf(page, tile),
+      at = layers.take(shape, this.pass);
     if (!at) {
       this.fail(book, entry, kAgain); // there is no room for it
       return false;
     }
-    const [column, row] = layers.placeIn(at.layer, at.slot);
+    const {column, row} = slotAt(shape, at.slot);
     const gl = this.gl(),
       {state} = this.viewer.renderer;
     state.bindTexture(gl.TEXTURE_2D_ARRAY, this.array);
@@ -430,7 +438,8 @@ export class Texturing {
       image,
     );
     state.unbindTexture();
-    const resident = {book, tile, ...at, wanted: stays ? Infinity : this.pass};
+    const {layer, slot} = at,
+      resident = {book, tile, layer, slot, wanted: stays ? Infinity : this.pass};
     layers.set(resident);
     book.put(resident, placeOf(at.layer, column, row));
     return true;
@@ -439,7 +448,7 @@ export class Texturing {
   // What the picture wants, drawn small. What comes back is used once the card has it: nothing
   // waits for it.
   private async ask(now: number) {
-    const {renderer, shared, drawing, canvas} = this.viewer;
+    const {shared, drawing, canvas} = this.viewer;
     this.asking = true;
     this.lastAsk = now;
     const width = Math.max(1, Math.ceil(canvas.width / kShrink)),
@@ -453,11 +462,21 @@ export class Texturing {
     shared.levelBias!.value = this.bias - Math.log2(kShrink * larger);
     // Other pixels each time.
     const n = this.pass;
-    drawing.ask(this.target, kShrink, (5 * n) % kShrink, (3 * n + (n >> 3)) % kShrink);
+    const gl = this.gl(),
+      buffer = gl.createBuffer(),
+      pixels = new Uint8Array(4 * width * height);
+    drawing.ask(this.target, kShrink, (3 * n) % kShrink, (5 * n + (n >> 3)) % kShrink, () => {
+      gl.bindBuffer(gl.PIXEL_PACK_BUFFER, buffer);
+      gl.bufferData(gl.PIXEL_PACK_BUFFER, pixels.length, gl.STREAM_READ);
+      gl.readPixels(0, 0, width, height, gl.RGBA, gl.UNSIGNED_BYTE, 0);
+      gl.bindBuffer(gl.PIXEL_PACK_BUFFER, null);
+    });
     shared.levelBias!.value = this.bias;
-    const pixels = new Uint8Array(4 * width * height);
     try {
-      await renderer.readRenderTargetPixelsAsync(this.target, 0, 0, width, height, pixels);
+      if (!(await this.done())) return; // the card was reset; it is asked again
+      gl.bindBuffer(gl.PIXEL_PACK_BUFFER, buffer);
+      gl.getBufferSubData(gl.PIXEL_PACK_BUFFER, 0, pixels);
+      gl.bindBuffer(gl.PIXEL_PACK_BUFFER, null);
       const asked = countAsked(pixels);
       for (const book of this.books.values()) {
         book.recent.unshift(asked.get(book.tables.book) ?? new Map<number, number>());
@@ -465,11 +484,26 @@ export class Texturing {
       }
       this.due = Math.max(0, this.due - 1);
       this.chooseTiles();
-    } catch {
-      // The card was reset; it is asked again.
     } finally {
+      gl.deleteBuffer(buffer);
       this.asking = false;
     }
+  }
+
+  // Whether the card has done what it was given, once it has.
+  private async done(): Promise<boolean> {
+    const gl = this.gl(),
+      sync = gl.fenceSync(gl.SYNC_GPU_COMMANDS_COMPLETE, 0);
+    gl.flush();
+    for (;;) {
+      if (!sync || gl.isContextLost()) return false;
+      const state = gl.clientWaitSync(sync, 0, 0);
+      if (state === gl.WAIT_FAILED) return false;
+      if (state !== gl.TIMEOUT_EXPIRED) break;
+      await new Promise(done => setTimeout(done, 8));
+    }
+    gl.deleteSync(sync);
+    return true;
   }
 
   private chooseTiles() {
@@ -511,7 +545,8 @@ export class Texturing {
   // they do.
   private weigh(needed: number, room: number) {
     const before = this.bias;
-    if (needed > room && this.bias < kMostBias) this.bias += kBiasStep;
+    const finer = Math.ceil(Math.log2(needed / room)) * kBiasStep; // half a level takes half of them
+    if (needed > room && this.bias < kMostBias) this.bias += Math.max(kBiasStep, finer);
     else if (this.bias > 0 && needed * 2.5 < room) this.bias -= kBiasStep;
     if (this.bias === before) return;
     this.viewer.shared.levelBias!.value = this.bias;
@@ -529,7 +564,7 @@ export class Texturing {
     return [
       [
         'tiles of textures',
-        `${tiles}${coming > 0 ? `, ${coming} on the way` : ''}, in ${this.layers!.count} MiB`,
+        `${tiles}${coming > 0 ? `, ${coming} on the way` : ''}, in ${Math.round((this.layers!.count * kLayerBytes) / 2 ** 20)} MiB`,
       ],
       ...(this.bias > 0
         ? [['textures coarser by', `${this.bias} levels`] as [string, string]]

@@ -589,7 +589,13 @@ export class Viewer {
     texture: () => new three.Texture(),
     table: tableTexture,
     target: (width: number, height: number) => new three.WebGLRenderTarget(width, height),
-    ask: (target: three.WebGLRenderTarget, shrink: number, x: number, y: number) => {
+    ask: (
+      target: three.WebGLRenderTarget,
+      shrink: number,
+      x: number,
+      y: number,
+      read: () => void,
+    ) => {
       const {renderer, shared} = this,
         {camera} = this.navigation,
         w = shrink * target.width,
@@ -604,6 +610,7 @@ export class Viewer {
       renderer.setRenderTarget(target);
       renderer.setClearColor(0, 0);
       renderer.render(this.world, camera);
+      read();
       renderer.setRenderTarget(null);
       renderer.setClearColor(clear, alpha);
       camera.clearViewOffset();
