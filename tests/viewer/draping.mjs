@@ -2,7 +2,7 @@
 // Images over the surface: where they lie, how they are given, and what is refused.
 import {mkdirSync, readFileSync, writeFileSync} from 'node:fs';
 import {png} from './png.mjs';
-import {kName, server, store, test} from './scene.mjs';
+import {at, kName, picture, server, store, test} from './scene.mjs';
 import {
   check,
   close,
@@ -49,22 +49,6 @@ const hue = ([r, g, b]) => {
   return sector;
 };
 
-// The picture without what the page lays over it.
-async function picture(page) {
-  await page.evaluate(() => {
-    for (const e of document.body.children) if (e.id !== 'stage') e.style.visibility = 'hidden';
-    document.activeElement.blur(); // and its frame
-  });
-  await exact(page);
-  const shot = await decode(await page.locator('#canvas').screenshot());
-  await page.evaluate(() => {
-    for (const e of document.body.children) e.style.visibility = '';
-  });
-  return shot;
-}
-const at = (shot, x, y) => [
-  ...shot.data.subarray(4 * (y * shot.width + x), 4 * (y * shot.width + x) + 3),
-];
 const differing = (a, b) => {
   let n = 0;
   for (let i = 0; i < a.data.length; i += 4)
