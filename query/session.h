@@ -9,6 +9,7 @@
 //   send(encoder.Encode(batches));
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <functional>
 #include <memory>
@@ -19,6 +20,7 @@
 #include "query/cut.h"
 #include "query/query.h"
 #include "store/base/status.h"
+#include "store/base/texture.h"
 
 namespace mtdb {
 
@@ -44,6 +46,13 @@ struct TriangleFacts {
   double error_bound = 0;
   bool exact = true;   // it is b(t)
   UnitId cluster = 0;  // that creates the triangle; from ClusterIndex::cluster_count() on: the root
+};
+
+// Where the corners of a triangle of a session's mesh lie in the image: corners[i] is the one at
+// vertices[i], which an UpdateBatch may name in another order.
+struct TriangleCorners {
+  std::array<VertexIndex, 3> vertices{};
+  std::array<TextureCorner, 3> corners{};
 };
 
 struct SessionOptions {
@@ -101,6 +110,8 @@ class Session {
 
   // Likewise: what is in memory of a triangle that the last update left in the mesh. Reads nothing.
   TriangleFacts FactsOf(TriangleKey key) const;
+  // Likewise, of a textured object.
+  TriangleCorners CornersOf(TriangleKey key) const;
 
   bool applied(UnitId cluster, NodeIndex node) const;
   uint64_t applied_count() const;

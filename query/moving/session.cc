@@ -138,6 +138,7 @@ class Session::Impl {
   Result<SessionUpdate> Update(const Query& query, bool rounds, const TakeBatches& take);
   void RetryFailed();
   TriangleFacts FactsOf(TriangleKey key) const;
+  TriangleCorners CornersOf(TriangleKey key) const;
   const ClusterIndex& index() const { return surface_->index(); }
   const Bits& BitsOf(UnitId cluster) const;
   uint64_t applied_count() const;
@@ -156,6 +157,7 @@ class Session::Impl {
     std::optional<Query> query;  // with a budget: that it is on its way to, over several calls
   };
 
+  const LoadedUnit& UnitOf(TriangleKey key) const;
   Status TakeRoot() const;
   Status Move(MovingCut& cut, UnitReader& reader, const Query& query, bool rounds,
               const TakeBatches& take, SessionUpdate* update);
@@ -243,28 +245,53 @@ void Session::Impl::RetryFailed() {
   if (available_ != nullptr) available_->available()->ForgetFailures();
 }
 
-TriangleFacts Session::Impl::FactsOf(TriangleKey key) const {
+// That creates a triangle of the client's mesh; so it is in memory.
+const LoadedUnit& Session::Impl::UnitOf(TriangleKey key) const {
   MTDB_CHECK(available_ != nullptr, "only a session that does not wait knows of its triangles");
-  const AvailableUnits& units = *available_->available();
   const auto id = static_cast<UnitId>(key >> 32);
+  const LoadedUnit* const unit =
+      id < index().unit_count() ? available_->available()->Find(id) : nullptr;
+  MTDB_CHECK(unit != nullptr && static_cast<uint32_t>(key) < unit->cluster.slots(),
+             "no such triangle");
+  return *unit;
+}
+
+TriangleFacts Session::Impl::FactsOf(TriangleKey key) const {
+  const LoadedUnit& unit = UnitOf(key);
+  const AvailableUnits& units = *available_->available();
+  const UnitId id = unit.id;
   const auto slot = static_cast<uint32_t>(key);
   const ClusterIndex& index = surface_->index();
-  const LoadedUnit* const unit = id < index.unit_count() ? units.Find(id) : nullptr;
-  MTDB_CHECK(unit != nullptr && slot < unit->cluster.slots(), "no such triangle");
   const ObjectRecord& record = surface_->record();
   const auto facts = [&](uint8_t code, bool exact) {
     return TriangleFacts{BoundOf(record.grid, code, record.rounding_error), exact, id};
   };
-  const uint32_t remover = unit->removers()[slot];
+  const uint32_t remover = unit.removers()[slot];
   if (remover == kDrain) return facts(0, true);
-  if (!RemovedByChild(remover)) return facts(unit->cluster.error_codes[remover], true);
-  const UnitId child_id = unit->children()[ChildOrdinal(remover)];
+  if (!RemovedByChild(remover)) return facts(unit.cluster.error_codes[remover], true);
+  const UnitId child_id = unit.children()[ChildOrdinal(remover)];
   const LoadedUnit* const child = units.Find(child_id);
   const uint32_t in_slot = child == nullptr ? kNone32 : child->FindInSlot({id, slot});
   if (in_slot == kNone32) {
     return facts(index.Has(child_id) ? index.unit(child_id).error_code_max : 255, false);
   }
   return facts(child->cluster.error_codes[child->removers()[in_slot]], true);
+}
+
+TriangleCorners Session::Impl::CornersOf(TriangleKey key) const {
+  MTDB_CHECK(surface_->record().texture.has_value(), "the object has no texture");
+  const LoadedUnit& unit = UnitOf(key);
+  const auto slot = static_cast<uint32_t>(key);
+  const uint32_t external = unit.cluster.external_vertices();
+  TriangleCorners found;
+  found.corners = unit.cluster.texture(slot);
+  const std::array<uint32_t, 3> locals = unit.corners(slot, unit.creator(slot));
+  for (size_t i = 0; i < 3; ++i) {
+    found.vertices[i] = locals[i] < external
+                            ? unit.vertex(locals[i])
+                            : index().first_vertex(unit.id) + (locals[i] - external);
+  }
+  return found;
 }
 
 Result<SessionUpdate> Session::Impl::Update(const Query& query, bool rounds,
@@ -533,6 +560,7 @@ Result<SessionUpdate> Session::Update(const Query& query, const BatchSink& sink)
 
 void Session::RetryFailed() { impl_->RetryFailed(); }
 TriangleFacts Session::FactsOf(TriangleKey key) const { return impl_->FactsOf(key); }
+TriangleCorners Session::CornersOf(TriangleKey key) const { return impl_->CornersOf(key); }
 
 bool Session::applied(UnitId cluster, NodeIndex node) const {
   const ClusterIndex& index = impl_->index();

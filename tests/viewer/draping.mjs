@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Images over the surface: where they lie, how they are given, and what is refused.
 import {mkdirSync, readFileSync, writeFileSync} from 'node:fs';
-import {deflateSync} from 'node:zlib';
-import {kName, server, store, test} from './scene.mjs';
+import {png} from './png.mjs';
+import {at, kName, picture, server, store, test} from './scene.mjs';
 import {
   check,
   close,
@@ -27,39 +27,6 @@ const kHues = [
 // No two cells beside each other have one colour, and no shift or turn maps the pattern to itself.
 const hueOf = (i, j) => (7 * i * i + 3 * j + i * j) % 6;
 
-function crc(bytes) {
-  let c = 0xffffffff;
-  for (const b of bytes) {
-    c ^= b;
-    for (let k = 0; k < 8; ++k) c = c & 1 ? (c >>> 1) ^ 0xedb88320 : c >>> 1;
-  }
-  return ~c >>> 0;
-}
-
-function png(columns, rows, pixel) {
-  const raw = Buffer.alloc(rows * (1 + 4 * columns));
-  for (let y = 0; y < rows; ++y)
-    for (let x = 0; x < columns; ++x) raw.set(pixel(x, y), y * (1 + 4 * columns) + 1 + 4 * x);
-  const chunk = (kind, data) => {
-    const body = Buffer.concat([Buffer.from(kind), data]),
-      out = Buffer.alloc(body.length + 8);
-    out.writeUInt32BE(data.length);
-    body.copy(out, 4);
-    out.writeUInt32BE(crc(body), body.length + 4);
-    return out;
-  };
-  const head = Buffer.alloc(13);
-  head.writeUInt32BE(columns);
-  head.writeUInt32BE(rows, 4);
-  head.set([8, 6], 8);
-  return Buffer.concat([
-    Buffer.from('\x89PNG\r\n\x1a\n', 'latin1'),
-    chunk('IHDR', head),
-    chunk('IDAT', deflateSync(raw)),
-    chunk('IEND', Buffer.alloc(0)),
-  ]);
-}
-
 const clear = (i, j) => i === 3 && j > 0; // cells that are transparent
 // `numbers` as in a world file; cells of `cell` pixels a side. Returns what is to be compared.
 function writeImage(name, numbers, columns, rows, cell, folder = file('')) {
@@ -82,22 +49,6 @@ const hue = ([r, g, b]) => {
   return sector;
 };
 
-// The picture without what the page lays over it.
-async function picture(page) {
-  await page.evaluate(() => {
-    for (const e of document.body.children) if (e.id !== 'stage') e.style.visibility = 'hidden';
-    document.activeElement.blur(); // and its frame
-  });
-  await exact(page);
-  const shot = await decode(await page.locator('#canvas').screenshot());
-  await page.evaluate(() => {
-    for (const e of document.body.children) e.style.visibility = '';
-  });
-  return shot;
-}
-const at = (shot, x, y) => [
-  ...shot.data.subarray(4 * (y * shot.width + x), 4 * (y * shot.width + x) + 3),
-];
 const differing = (a, b) => {
   let n = 0;
   for (let i = 0; i < a.data.length; i += 4)

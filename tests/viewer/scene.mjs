@@ -2,7 +2,7 @@
 // What the tests of the page look at: a store with a sculpture and terrains, behind a server; and
 // what they do in the page.
 import {writeFileSync} from 'node:fs';
-import {file, run, runJson, serve} from './testing.mjs';
+import {decode, exact, file, run, runJson, serve} from './testing.mjs';
 
 export const tests = [];
 export const test = (name, f) => tests.push([name, f]);
@@ -27,6 +27,23 @@ export async function drag(page, handle, dx, dy, during = async () => {}) {
   await page.mouse.up();
   return result;
 }
+
+// The picture without what the page lays over it.
+export async function picture(page) {
+  await page.evaluate(() => {
+    for (const e of document.body.children) if (e.id !== 'stage') e.style.visibility = 'hidden';
+    document.activeElement.blur(); // and its frame
+  });
+  await exact(page);
+  const shot = await decode(await page.locator('#canvas').screenshot());
+  await page.evaluate(() => {
+    for (const e of document.body.children) e.style.visibility = '';
+  });
+  return shot;
+}
+export const at = (shot, x, y) => [
+  ...shot.data.subarray(4 * (y * shot.width + x), 4 * (y * shot.width + x) + 3),
+];
 
 function writeUtm(path) {
   const n = 80,

@@ -9,6 +9,7 @@ import './moving.mjs';
 import './taking.mjs';
 import './sources.mjs';
 import './draping.mjs';
+import './texturing.mjs';
 import './showing.mjs';
 
 const browser = await launch();

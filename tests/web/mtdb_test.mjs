@@ -3,13 +3,15 @@
 // ranges that is late, out of order, or broken.
 import assert from 'node:assert/strict';
 import {execFileSync} from 'node:child_process';
+import {randomBytes} from 'node:crypto';
 import {readFileSync, writeFileSync} from 'node:fs';
 import {createServer} from 'node:http';
 import {join} from 'node:path';
 import {pathToFileURL} from 'node:url';
+import {png} from '../viewer/png.mjs';
 
 const [made, mtdb, folder] = process.argv.slice(2);
-const {openFile, MtdbError} = await import(pathToFileURL(join(made, 'mtdb.js')));
+const {openFile, MtdbError, kNoPage} = await import(pathToFileURL(join(made, 'mtdb.js')));
 const wasm = readFileSync(join(made, 'engine.wasm'));
 const run = (...args) => execFileSync(mtdb, args, {cwd: folder, stdio: ['ignore', 'pipe', 'inherit']});
 
@@ -17,6 +19,7 @@ run('generate', 'sculpture', 'a.ply', '--triangles', '60000');
 run('ingest', 'a.ply', 'a.mtdb', '--name', 'a');
 run('pack', 'a.mtdb', 'a.mtdbp');
 const bytes = readFileSync(join(folder, 'a.mtdbp'));
+let served = bytes;
 
 // What the server does with a request: null, or a function of (response).
 let rule = () => null;
@@ -28,9 +31,9 @@ const server = createServer((request, response) => {
   const special = rule(request);
   if (special) return special(response);
   const [, begin, end] = /^bytes=(\d+)-(\d+)$/.exec(request.headers.range).map(Number);
-  const body = bytes.subarray(begin, Math.min(end + 1, bytes.length));
+  const body = served.subarray(begin, Math.min(end + 1, served.length));
   setTimeout(() => {
-    response.writeHead(206, {'Content-Range': `bytes ${begin}-${begin + body.length - 1}/${bytes.length}`, 'Content-Length': body.length, ETag: etag});
+    response.writeHead(206, {'Content-Range': `bytes ${begin}-${begin + body.length - 1}/${served.length}`, 'Content-Length': body.length, ETag: etag});
     response.end(body);
   }, Math.random() * 10);
 });
@@ -303,6 +306,93 @@ rule = () => null;
   bytes[bytes.length - 5000] ^= 1;
   await assert.rejects(other.settle({}), {name: 'MtdbError'});
 }
+{
+  // Corners of textured objects, wherever the mesh moved before, and the bytes of their images. A wavy sheet with two
+  // charts on pages of their own, and a part without one; all lies on multiples of 1/64.
+  const n = 64, lines = ['mtllib t.mtl'], images = {'left.png': png(8, 4, (x, y) => [x, y, 0, 255]), 'right.png': png(200, 200, () => [...randomBytes(4)])};
+  const chart = x => (x < 24 ? 'left' : x < 48 ? 'right' : 'bare');
+  for (let i = 0; i < n * n; ++i) lines.push(`v ${i % n} ${Math.floor(i / n)} ${Math.round(256 * Math.sin((i % n) / 5) * Math.cos(i / n / 7)) / 64}`);
+  for (let i = 0; i < n * n; ++i) lines.push(`vt ${(i % n) / n} ${Math.floor(i / n) / 2 / n}`);
+  for (let i = 0; i < n * n; ++i) lines.push(`vt ${(i % n) / 2 / n + 0.5} ${2 - Math.floor(i / n) / n}`);
+  for (let x = 0; x + 1 < n; ++x) {
+    lines.push(`usemtl ${chart(x)}`);
+    for (let y = 0; y + 1 < n; ++y) {
+      const corner = v => (chart(x) === 'bare' ? `${v + 1}` : `${v + 1}/${v + 1 + (chart(x) === 'right' ? n * n : 0)}`);
+      const [a, b, c, d] = [y * n + x, y * n + x + 1, y * n + x + n + 1, y * n + x + n].map(corner);
+      lines.push(`f ${a} ${b} ${c}`, `f ${a} ${c} ${d}`);
+    }
+  }
+  writeFileSync(join(folder, 't.obj'), lines.join('\n') + '\n');
+  writeFileSync(join(folder, 't.mtl'), 'newmtl left\nmap_Kd left.png\nnewmtl right\nmap_Kd right.png\nnewmtl bare\nKd 1 1 1\n');
+  for (const [name, data] of Object.entries(images)) writeFileSync(join(folder, name), data);
+  run('ingest', 't.obj', 't.mtdb', '--name', 't', '--step', '0.015625', '--texture-step', '0', '--quiet');
+  run('pack', 't.mtdb', 't.mtdbp');
+  served = readFileSync(join(folder, 't.mtdbp'));
+  const file = await open(), {texture} = file.objects[0], object = await file.open('t');
+  assert.deepEqual(Object.keys(texture), ['pages', 'tiles']);
+  for (const page of texture.pages) assert.deepEqual(Buffer.from(await object.read(page)), images[page.name]);
+  assert.deepEqual(texture.pages.map(p => p.name).sort(), Object.keys(images).sort());
+  const corner = (p, u, v, page) => `${page} ${p.map(x => Math.round(64 * x))} ${Math.fround(u)} ${Math.fround(v)}`;
+  // As texts, whichever corner comes first.
+  const text = corners => corners.slice(corners.indexOf(corners.slice().sort()[0])).concat(corners.slice(0, corners.indexOf(corners.slice().sort()[0]))).join(', ');
+  const ofExtract = query => {
+    writeFileSync(join(folder, 'query.json'), JSON.stringify(query));
+    run('extract', 't.mtdb', 'cut.obj', '--query', 'query.json');
+    const [materials, mesh] = ['cut.mtl', 'cut.obj'].map(name => readFileSync(join(folder, name), 'utf8'));
+    const page = Object.fromEntries(Array.from(materials.matchAll(/newmtl (\S+)\n(?:(?!newmtl)[^\n]*\n)*?map_Kd (\S+)/g), m => [m[1], m[2]]));
+    const v = [], vt = [], list = [];
+    let material = '';
+    for (const line of mesh.split('\n')) {
+      const [kind, ...rest] = line.split(' ');
+      if (kind === 'v') v.push(rest.map(Number));
+      if (kind === 'vt') vt.push(rest.map(Number));
+      if (kind === 'usemtl') material = rest[0];
+      if (kind === 'f') list.push(text(rest.map(part => {
+        const [a, b] = part.split('/').map(i => Number(i) - 1);
+        return page[material] ? corner(v[a], ...vt[b], page[material].split('/').at(-1)) : corner(v[a], 0, 0, 'none');
+      })));
+    }
+    return list.sort();
+  };
+  const ofSession = () => {
+    const {indices, positions, origin, corners, pages} = object.changes(), list = [];
+    assert.equal(corners.length, 2 * indices.length);
+    assert.equal(pages.length, indices.length / 3);
+    for (let t = 0; t < pages.length; ++t) {
+      if (indices[3 * t] === indices[3 * t + 1]) continue;
+      const name = texture.pages[pages[t]]?.name ?? 'none';
+      if (name === 'none') assert.equal(pages[t], kNoPage);
+      list.push(text([0, 1, 2].map(c => {
+        const at = [0, 1, 2].map(k => positions[3 * indices[3 * t + c] + k] + origin[k]);
+        return name === 'none' ? corner(at, 0, 0, name) : corner(at, corners[6 * t + 2 * c], corners[6 * t + 2 * c + 1], name);
+      })));
+    }
+    return list.sort();
+  };
+  const sphere = (x, y) => ({region: {sphere: {centre: [x, y, 0], radius: 18}}, threshold: 0.02});
+  for (const query of [{threshold: 'coarsest'}, {}, sphere(20, 20), sphere(50, 40), {threshold: 0.3}, sphere(24, 60), {threshold: 0.05}, {}]) {
+    await object.settle(query);
+    const told = ofSession();
+    assert.ok(told.length > 0);
+    assert.deepEqual(told, ofExtract(query));
+  }
+  // XXH3 of no bytes, with a seed of 0.
+  assert.equal(object.checksum(new Uint8Array()), 0x2d06800538d394c2n);
+  assert.notEqual(object.checksum(new Uint8Array(), 1n), object.checksum(new Uint8Array(), 2n ** 63n));
+  await assert.rejects(object.read({offset: served.length - 10, bytes: 11}), {code: 'invalid_argument'});
+  const stopped = new AbortController();
+  stopped.abort();
+  await assert.rejects(object.read(texture.pages[0], stopped.signal), {code: 'aborted'});
+  const limited = await open({maxBytes: 120000}), few = await limited.open('t');
+  await assert.rejects(few.read(texture.pages.find(p => p.bytes > 120000)), {code: 'budget'});
+  object.close();
+  await assert.rejects(object.read(texture.pages[0]), {code: 'closed'});
+  const plain = await (served = bytes, await open()).open();
+  await plain.settle(queries[0]);
+  assert.equal(plain.changes().corners.length + plain.changes().pages.length, 0);
+  assert.equal(plain.info.texture, undefined);
+}
+console.log('corners and images of textures');
 server.close();
 server.closeAllConnections();
 console.log(`${seen.requests} requests; all as it should be`);

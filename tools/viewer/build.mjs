@@ -85,6 +85,8 @@ async function bundle() {
       engine: join(source, 'src/engine.ts'),
       draping: join(source, 'src/draping.ts'),
       visitor: join(source, 'src/visitor.ts'),
+      texturing: join(source, 'src/texturing.ts'),
+      texture_tiles: join(source, 'src/texture_tiles.ts'),
     },
     outdir: page,
     bundle: true,

@@ -188,6 +188,8 @@ function makeUpdate(): MeshUpdate {
       vertices,
     ),
     triangleValues: null,
+    corners: null,
+    pages: null,
     valueRange: values.range,
   };
   fresh = false;

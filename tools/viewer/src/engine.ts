@@ -14,7 +14,8 @@ import {meshFile} from './mesh_file';
 import {cutMesh} from './cut_mesh';
 import type {HalfSpace, Point, Query} from './query';
 import {buffersOf, gather, ValueReader} from './slots';
-import type {Done, Limits, Load, MeshUpdate, TriangleValue} from './source';
+import type {Done, Limits, Load, MeshUpdate, TextureNews, TriangleValue} from './source';
+import type {TileQueue} from './texture_tiles';
 import type {Answer, FromWorker, ToWorker} from './worker_session';
 
 export type Question =
@@ -45,6 +46,8 @@ const kQuestionCache = 96 * 2 ** 20;
 
 const post = (message: FromWorker | Reply, transfer: Transferable[] = []) =>
   (self as unknown as Worker).postMessage(message, transfer);
+const tell = (news: TextureNews, transfer: Transferable[] = []) =>
+  post({kind: 'texture', news}, transfer);
 const sentenceOf = (error: unknown) => (error as Error).message;
 
 // ---- an object that is shown ----
@@ -61,6 +64,9 @@ class Shown {
   private readonly values: ValueReader;
   private triangleValue: TriangleValue | null = null;
   private allTriangles = false; // are to be told anew
+  private textured = false; // corners of triangles are told, and tiles
+  private tiles: TileQueue | null = null;
+  private tilesOf: MeshObject | null = null;
   private asked: Asked | null = null;
   private budgeted = false; // the last answer had as many triangles as it may
   private limits: Limits = {cacheBytes: 256 * 2 ** 20, bytesPerSecond: Infinity};
@@ -113,6 +119,7 @@ class Shown {
       this.frame = null;
       object.onprogress = () => this.schedule();
       post({kind: 'hello', hello: {max_triangles: kMostTriangles}});
+      if (this.textured) void this.openTiles(object);
       this.schedule();
     } catch (error) {
       if (opening !== this.opening) return;
@@ -143,9 +150,58 @@ class Shown {
   choose(message: ToWorker & {kind: 'choose'}) {
     this.values.choose(message.values);
     this.triangleValue = message.values.kind === 'triangle' ? message.values.of : null;
+    this.textured = message.values.kind === 'texture';
+    if (this.textured && this.object) void this.openTiles(this.object);
+    else this.tiles?.want([]);
     this.allTriangles = true;
     this.dirty = this.frame !== null;
     this.flush();
+  }
+
+  // A part of the program of its own: most objects have no texture.
+  private async openTiles(object: MeshObject) {
+    if (this.tilesOf === object) return;
+    this.tilesOf = object;
+    this.tiles?.close();
+    this.tiles = null;
+    const part = object.info.texture?.tiles;
+    if (!part) return tell({kind: 'pages', checksum: '', pages: []});
+    try {
+      const module = await (import(new URL('texture_tiles.js', import.meta.url).href) as Promise<
+        typeof import('./texture_tiles')
+      >);
+      const file = await module.TileFile.open(
+        part.bytes,
+        (offset, bytes, signal) => object.read({offset: part.offset + offset, bytes}, signal),
+        (bytes, seed) => object.checksum(bytes, seed),
+      );
+      if (this.tilesOf !== object) return;
+      this.tiles = new module.TileQueue(
+        file,
+        image =>
+          createImageBitmap(image, {colorSpaceConversion: 'none', premultiplyAlpha: 'premultiply'}),
+        (tile, image) => tell({kind: 'tile', tile, image}, [image]),
+        (tile, error) => {
+          const again = error instanceof MtdbError && error.code === 'io';
+          tell({kind: 'failed', tile, again, sentence: sentenceOf(error)});
+          return again;
+        },
+      );
+      const {pages, checksum} = file.head;
+      tell({kind: 'pages', checksum: String(checksum), pages});
+    } catch (error) {
+      if (this.tilesOf !== object) return;
+      const again = error instanceof MtdbError && error.code === 'io';
+      tell({kind: 'failed', tile: null, again, sentence: sentenceOf(error)});
+      if (!again) return tell({kind: 'pages', checksum: '', pages: []});
+      this.tilesOf = null;
+      setTimeout(() => this.object === object && void this.openTiles(object), kLongestPause);
+    }
+  }
+
+  wantTiles(message: ToWorker & {kind: 'tiles'}) {
+    this.tiles?.taken(message.taken);
+    this.tiles?.want(message.wanted);
   }
 
   onTaken() {
@@ -310,6 +366,9 @@ class Shown {
   private makeUpdate(object: MeshObject, frame: Frame): MeshUpdate {
     const triangles = this.trianglesOf(object, frame),
       c = object.changes();
+    const told = this.allTriangles
+      ? new Uint32Array([0, frame.triangleSlots])
+      : c.triangleRanges.slice();
     const update: MeshUpdate = {
       fresh: this.fresh,
       triangles: frame.triangles,
@@ -321,14 +380,9 @@ class Shown {
       positions: gather(Float32Array, c.positions, c.vertexRanges.slice(), 3),
       normals: gather(Int16Array, c.normals, c.normalRanges.slice(), 4),
       values: this.values.gather(c.rows, c.rowBytes, frame.vertexSlots, c.vertexRanges.slice()),
-      triangleValues:
-        triangles &&
-        gather(
-          Float32Array,
-          triangles.values,
-          this.allTriangles ? new Uint32Array([0, frame.triangleSlots]) : c.triangleRanges.slice(),
-          1,
-        ),
+      triangleValues: triangles && gather(Float32Array, triangles.values, told, 1),
+      corners: this.textured ? gather(Float32Array, c.corners, told, 6) : null,
+      pages: this.textured ? gather(Uint32Array, c.pages, told, 1) : null,
       valueRange: triangles ? triangles.range : this.values.range,
     };
     this.allTriangles = false;
@@ -440,6 +494,9 @@ self.onmessage = (event: MessageEvent<ToWorker | Question>) => {
       break;
     case 'choose':
       shown?.choose(message);
+      break;
+    case 'tiles':
+      shown?.wantTiles(message);
       break;
     case 'taken':
       shown?.onTaken();

@@ -21,6 +21,7 @@ const kSurface = '#b9b2a6',
 const kLights: Record<Style['light'], [number, number, number]> = {
   camera: [0.62, 0.14, 0.26],
   northwest: [0.98, 0.06, 0.1],
+  none: [0, 0, 0], // colours as they are
 };
 
 // What it needs of the page.
@@ -54,9 +55,21 @@ export class Look {
   // That of the object, when nobody chose another: its own colours, if it has some.
   usualColour() {
     const infos = this.viewer.shownInfos();
+    if (infos.some(i => this.hasTexture(i))) return 'texture';
     return infos.some(i => this.attributesOf(i).colour) && !this.viewer.terrains()
       ? 'vertex'
       : 'plain';
+  }
+
+  // Whether its texture can be shown, as far as that is known: the thick way has the places of
+  // corners, and files of older programs have no tiles.
+  hasTexture(info: ObjectInfo): boolean {
+    const {loading, scene} = this.viewer;
+    return (
+      info.texture !== undefined &&
+      loading.way === 'thick' &&
+      scene.objects.get(info.object)?.pages !== 0
+    );
   }
 
   // What is shown of single triangles, if the way of cutting tells it.
@@ -71,6 +84,7 @@ export class Look {
     const of = this.triangleValue();
     if (of) return {kind: 'triangle', of};
     const {colour, at} = this.attributesOf(info);
+    if (this.style.colour === 'texture' && this.hasTexture(info)) return {kind: 'texture'};
     if (this.style.colour === 'vertex' && colour) return {kind: 'colour', attributes: colour};
     if (this.style.colour.startsWith('a:') && at(this.style.colour.slice(2)) >= 0)
       return {kind: 'scalar', attribute: at(this.style.colour.slice(2))};
@@ -88,6 +102,7 @@ export class Look {
       height: 3,
       steepness: 4,
       permitted: 5,
+      texture: 8,
     };
     u.colourBy!.value = triangles
       ? kTriangleValues[triangles]

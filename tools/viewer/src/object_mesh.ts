@@ -4,9 +4,13 @@
 import * as three from 'three';
 import type {Place} from './placed_image';
 import {sub, type Point} from './query';
-import {edgeMaterial, surfaceMaterial, type Uniforms} from './shaders';
+import {edgeMaterial, surfaceMaterial, tableTexture, type Uniforms} from './shaders';
 import type {MeshUpdate, Slots} from './source';
 import {toPage} from './stretch';
+import {TexturedFaces, ValuedFaces} from './triangle_faces';
+
+// Before there are tables: a sampler of integers wants such a texture.
+const noTable = tableTexture(new Uint32Array(1));
 
 const kSpare = 1.4; // how much larger arrays are made than they must be
 
@@ -35,57 +39,18 @@ function release(geometry: three.BufferGeometry, kept: Iterable<three.BufferAttr
   geometry.dispose();
 }
 
-// Triangles with corners of their own, since each has a value; without normals, so they are flat.
-class TriangleFaces {
-  readonly geometry = new three.BufferGeometry();
-  readonly values: Float32Array;
-
-  constructor(
-    readonly room: number,
-    before: TriangleFaces | null,
-  ) {
-    this.values = new Float32Array(3 * room);
-    if (before)
-      this.values.set(before.values.subarray(0, Math.min(before.values.length, 3 * room)));
-    for (const [name, count, array] of [
-      ['position', 3, new Float32Array(9 * room)],
-      ['scalar', 1, this.values],
-    ] as const) {
-      const attribute = new three.BufferAttribute(array, count);
-      attribute.setUsage(three.DynamicDrawUsage);
-      this.geometry.setAttribute(name, attribute);
-    }
-  }
-
-  // `changed`: slots whose triangles are others now.
-  write(
-    values: Slots<Float32Array>,
-    changed: Uint32Array,
-    index: ArrayLike<number>,
-    positions: ArrayLike<number>,
-  ) {
-    const scalar = this.geometry.getAttribute('scalar') as three.BufferAttribute,
-      position = this.geometry.getAttribute('position') as three.BufferAttribute;
-    for (let r = 0, at = 0; r < values.ranges.length; r += 2) {
-      for (let i = values.ranges[r]!; i < values.ranges[r + 1]!; ++i)
-        this.values.fill(values.data[at++]!, 3 * i, 3 * i + 3);
-      scalar.addUpdateRange(3 * values.ranges[r]!, 3 * (values.ranges[r + 1]! - values.ranges[r]!));
-    }
-    const to = position.array as Float32Array;
-    for (let r = 0; r < changed.length; r += 2) {
-      for (let corner = 3 * changed[r]!; corner < 3 * changed[r + 1]!; ++corner) {
-        for (let k = 0; k < 3; ++k) to[3 * corner + k] = positions[3 * index[corner]! + k]!;
-      }
-      position.addUpdateRange(9 * changed[r]!, 9 * (changed[r + 1]! - changed[r]!));
-    }
-    scalar.needsUpdate = position.needsUpdate = true;
-  }
-}
-
 // An image over the mesh.
 export interface Drape {
   texture: three.Texture;
   place: Place;
+}
+
+// What the shader knows of the pages of a texture, and which of its tiles are on the card.
+export interface TextureTables {
+  pages: three.Texture;
+  entries: three.Texture;
+  pageCount: number;
+  book: number; // by which the tiles that are wanted name the object
 }
 
 export class ObjectMesh {
@@ -104,7 +69,9 @@ export class ObjectMesh {
   private geometry = new three.BufferGeometry();
   private edgeIndex: three.BufferAttribute | null = null;
   private edgeGeometry: three.BufferGeometry | null = null;
-  private faces: TriangleFaces | null = null; // drawn in place of `geometry` while triangles have values
+  private faces: ValuedFaces | TexturedFaces | null = null; // drawn in place of `geometry` while triangles have values or corners
+  private readonly plainMaterial: three.RawShaderMaterial;
+  private textured: three.RawShaderMaterial | null = null;
   private readonly own = {
     valued: {value: 0}, // what vertices have, as colourBy counts: colours, or a scalar
     place: {value: new three.Vector3()},
@@ -113,6 +80,10 @@ export class ObjectMesh {
     imageMiddle: {value: new three.Vector2()},
     imageAcross: {value: new three.Vector2()},
     imageDown: {value: new three.Vector2()},
+    pages: {value: noTable as three.Texture},
+    entries: {value: noTable as three.Texture},
+    pageCount: {value: 0},
+    book: {value: 0},
   };
   private over: Drape | null = null;
   private readonly surface: three.Mesh;
@@ -121,11 +92,12 @@ export class ObjectMesh {
   // `frame`: the page's point that is the scene's origin. Positions on the card are relative to
   // points nearby, so that float32 suffices however large the coordinates are.
   constructor(
-    shared: Uniforms,
+    private readonly shared: Uniforms,
     private frame: Point,
     private stretch: Point,
   ) {
-    this.surface = new three.Mesh(this.geometry, surfaceMaterial(shared, this.own));
+    this.plainMaterial = surfaceMaterial(shared, this.own);
+    this.surface = new three.Mesh(this.geometry, this.plainMaterial);
     this.edges = new three.LineSegments(undefined, edgeMaterial(shared, this.own));
     this.surface.frustumCulled = this.edges.frustumCulled = false;
     this.edges.visible = false;
@@ -172,7 +144,7 @@ export class ObjectMesh {
     }
     this.geometry.setDrawRange(0, 3 * update.triangleSlots);
     if (this.edgeIndex) this.writeEdges(update.indices.ranges);
-    if (update.triangleValues) this.writeFaces(update.triangleValues, update.indices.ranges);
+    if (update.triangleValues || update.corners) this.writeFaces(update);
     else this.dropFaces();
     this.applyMilliseconds = performance.now() - begin;
   }
@@ -196,7 +168,8 @@ export class ObjectMesh {
     if (on === this.edges.visible) return;
     this.edges.visible = on;
     // Room for the edges. Where there are none it would only let what is behind shine through.
-    (this.surface.material as three.Material).polygonOffset = on;
+    for (const material of [this.plainMaterial, this.textured])
+      if (material) material.polygonOffset = on;
     if (on) {
       this.makeEdges();
     } else {
@@ -209,34 +182,62 @@ export class ObjectMesh {
     this.faces.geometry.dispose();
     this.faces = null;
     this.surface.geometry = this.geometry;
+    this.surface.material = this.plainMaterial;
   }
 
   // The value of each triangle, in the order of readTriangles; for test programs.
   readValues(): Float32Array | null {
-    const index = this.index.array;
-    return (
-      this.faces &&
-      Float32Array.from({length: this.triangleSlots}, (_, i) => i)
-        .filter(i => index[3 * i] !== index[3 * i + 1])
-        .map(i => this.faces!.values[3 * i]!)
-    );
+    const index = this.index.array,
+      {faces} = this;
+    if (!(faces instanceof ValuedFaces)) return null;
+    return Float32Array.from({length: this.triangleSlots}, (_, i) => i)
+      .filter(i => index[3 * i] !== index[3 * i + 1])
+      .map(i => faces.values[3 * i]!);
   }
 
-  private writeFaces(values: Slots<Float32Array>, changed: Uint32Array) {
-    const fresh = !this.faces || this.faces.room !== this.triangleRoom;
+  private writeFaces(update: MeshUpdate) {
+    const before = this.faces?.takes(update) ? this.faces : null;
+    const fresh = !before || before.room !== this.triangleRoom;
     if (fresh) {
-      const faces = new TriangleFaces(this.triangleRoom, this.faces);
+      const Kind = update.corners ? TexturedFaces : ValuedFaces;
+      const faces = new Kind(this.triangleRoom, before);
       this.faces?.geometry.dispose();
       this.faces = faces;
       this.surface.geometry = faces.geometry;
+      this.surface.material = update.corners ? this.texturedMaterial() : this.plainMaterial;
     }
+    const {position, normal} = this.attributes;
     this.faces!.write(
-      values,
-      fresh ? new Uint32Array([0, this.triangleSlots]) : changed,
-      this.index.array,
-      this.attributes.position!.array,
+      update,
+      {
+        index: this.index.array,
+        positions: position!.array,
+        normals: normal!.array,
+        triangleSlots: this.triangleSlots,
+      },
+      fresh ? [0, this.triangleSlots] : update.indices.ranges,
     );
-    this.faces!.geometry.setDrawRange(0, 3 * this.triangleSlots);
+  }
+
+  private texturedMaterial() {
+    if (!this.textured) {
+      this.textured = surfaceMaterial(this.shared, this.own, true);
+      this.textured.polygonOffset = this.edges.visible;
+    }
+    return this.textured;
+  }
+
+  // Whether it is drawn with its texture, as far as that is there.
+  get isTextured() {
+    return this.faces instanceof TexturedFaces;
+  }
+
+  // The tables of its texture; see page_table.ts.
+  set pages(tables: TextureTables | null) {
+    this.own.pages.value = tables?.pages ?? noTable;
+    this.own.entries.value = tables?.entries ?? noTable;
+    this.own.pageCount.value = tables?.pageCount ?? 0;
+    this.own.book.value = tables?.book ?? 0;
   }
 
   // Corner by corner, in model units; test programs compare them with those of `mtdb extract`.
@@ -258,7 +259,8 @@ export class ObjectMesh {
     this.dropEdges();
     this.dropFaces();
     this.geometry.dispose();
-    (this.surface.material as three.Material).dispose();
+    this.plainMaterial.dispose();
+    this.textured?.dispose();
     (this.edges.material as three.Material).dispose();
   }
 

@@ -202,6 +202,7 @@ export class Panel {
     );
     const colours = [
       ['plain', 'one colour'],
+      ...(infos.some(i => i.texture) ? [['texture', 'texture']] : []),
       ...(infos.some(i => this.viewer.look.attributesOf(i).colour)
         ? [['vertex', 'vertex colours']]
         : []),
@@ -216,13 +217,20 @@ export class Panel {
     if (!colours.some(([value]) => value === style.colour)) style.colour = 'plain';
     select('colour').replaceChildren(...colours.map(([value, text]) => new Option(text!, value!)));
     const thin = this.viewer.loading.way === 'thin';
+    const textured = infos.some(i => this.viewer.look.hasTexture(i));
     for (const option of select('colour').options)
-      option.disabled = thin && ['error', 'round', 'cluster'].includes(option.value);
+      option.disabled =
+        (thin && ['error', 'round', 'cluster'].includes(option.value)) ||
+        (!textured && option.value === 'texture');
     byId('colour-hint').hidden = !thin;
+    byId('texture-hint').hidden = textured || !infos.some(i => i.texture);
+    byId('texture-hint').textContent = thin
+      ? 'Textures are shown where the mesh is cut in this page: the server does not send them.'
+      : 'There are no tiles of the texture. mtdb makes them at ingest; older versions did not, and it does not of images that it cannot read.';
     select('colour').value = style.colour;
     if (!colourMaps[style.map]) style.map = 'viridis';
     select('map').value = style.map;
-    byId('map-row').hidden = style.colour === 'plain' || style.colour === 'vertex';
+    byId('map-row').hidden = ['plain', 'vertex', 'texture'].includes(style.colour);
     select('shading').value = style.shading;
     input('wireframe').checked = style.wireframe;
     select('light').value = style.light;

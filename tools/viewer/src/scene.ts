@@ -19,6 +19,7 @@ import type {
   MeshSource,
   ObjectInfo,
   Store,
+  TextureNews,
   ValueChoice,
   Way,
 } from './source';
@@ -49,6 +50,7 @@ export interface SceneObject {
   wantedText: string;
   done: Done | null; // the last answer
   doneText: string; // of which query
+  pages: number | null; // of its texture, that have tiles; null: not known yet
 }
 
 export interface Exactness {
@@ -73,6 +75,7 @@ export class Scene {
   // Turned by itself, without an end: what fits the budget is asked for as a whole, at once, since a
   // query that changes with each frame is never answered.
   turning = false;
+  onTexture: (object: SceneObject, news: TextureNews) => void = () => {};
   changes = 0; // counts what would be drawn otherwise now
   private factor = 1;
   private refused = 0; // a factor that was too small for this camera
@@ -110,6 +113,7 @@ export class Scene {
       wantedText: '',
       done: null,
       doneText: '',
+      pages: null,
     };
     this.objects.set(info.object, object);
     this.open(object);
@@ -137,6 +141,10 @@ export class Scene {
         object.sentence = sentence;
         if (state !== 'open') object.done = null;
         this.changed();
+      },
+      texture: news => {
+        if (news.kind === 'pages') object.pages = news.pages.filter(p => p.levels > 0).length;
+        this.onTexture(object, news);
       },
     };
     object.source = this.store.open(object.name, this.way, listener);

@@ -111,7 +111,7 @@ export class ValueReader {
     ranges: Uint32Array,
   ): MeshUpdate['values'] {
     const {values} = this;
-    if (values.kind === 'none' || values.kind === 'triangle' || rowBytes === 0) return null;
+    if ((values.kind !== 'colour' && values.kind !== 'scalar') || rowBytes === 0) return null;
     const all = this.all ? new Uint32Array([0, slots]) : ranges;
     this.all = false;
     let size = 0;
@@ -154,6 +154,12 @@ export class ValueReader {
 }
 
 export const buffersOf = (update: MeshUpdate) =>
-  [update.indices, update.positions, update.normals, update.values, update.triangleValues].flatMap(
-    s => (s ? [s.data.buffer] : []),
-  );
+  [
+    update.indices,
+    update.positions,
+    update.normals,
+    update.values,
+    update.triangleValues,
+    update.corners,
+    update.pages,
+  ].flatMap(s => (s ? [s.data.buffer] : []));

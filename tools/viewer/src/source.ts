@@ -3,6 +3,7 @@
 // ways fill them: thin, by a session of a server, which cuts and sends what changes; and thick, by
 // the engine in a worker of this page, which reads ranges of a packed file.
 import type {HalfSpace, Point, Query} from './query';
+import type {TiledPage, TileName} from './texture_tiles';
 
 export type Way = 'thin' | 'thick';
 
@@ -22,6 +23,7 @@ export interface ObjectInfo extends ObjectEntry {
   up_given?: boolean; // ingest was told so
   error_measure?: string; // vertical: of a terrain
   raster?: {crs: string; height_units: string}; // of a terrain
+  texture?: {pages: unknown[]}; // triangles have places in images
 }
 
 // Elements of some slots: `data` has them one range after the other; range i is
@@ -45,6 +47,8 @@ export interface MeshUpdate {
   normals: Slots<Int16Array>; // four a vertex: x, y, z in steps of 1/32767, and 0
   values: Slots<Float32Array | Uint8Array> | null; // see ValueChoice
   triangleValues: Slots<Float32Array> | null; // likewise
+  corners: Slots<Float32Array> | null; // likewise: u and v of three corners a triangle
+  pages: Slots<Uint32Array> | null; // and the page of each triangle; kNoPage: none
   valueRange: [number, number] | null; // of a scalar, so far; of triangles, now
 }
 
@@ -57,7 +61,8 @@ export type ValueChoice =
   | {kind: 'none'}
   | {kind: 'colour'; attributes: [number, number, number]} // four bytes a vertex
   | {kind: 'scalar'; attribute: number} // a float a vertex
-  | {kind: 'triangle'; of: TriangleValue}; // a float a triangle
+  | {kind: 'triangle'; of: TriangleValue} // a float a triangle
+  | {kind: 'texture'}; // corners and pages of triangles, and tiles: of the thick way
 
 // What a query came to; see docs/protocol.md.
 export interface Done {
@@ -71,6 +76,14 @@ export interface Done {
   milliseconds: number;
 }
 
+// What comes of the tiles of a texture, once it was chosen.
+export type TextureNews =
+  // What pages there are; the first time, and when they may be others. None: the file has no tiles.
+  | {kind: 'pages'; checksum: string; pages: TiledPage[]}
+  | {kind: 'tile'; tile: TileName; image: ImageBitmap} // as it is stored, with margins; premultiplied
+  // A tile does not come, now or ever; null: nothing does.
+  | {kind: 'failed'; tile: TileName | null; again: boolean; sentence: string};
+
 export interface MeshListener {
   // The mesh has changed.
   changed(update: MeshUpdate): void;
@@ -81,6 +94,7 @@ export interface MeshListener {
   failed(query: Query, sentence: string): void;
   // lost: it is being tried again, and the last query will be asked again. gone: for good.
   state(state: 'opening' | 'open' | 'lost' | 'gone', sentence: string): void;
+  texture(news: TextureNews): void;
 }
 
 export interface Traffic {
@@ -110,6 +124,9 @@ export interface MeshSource {
   // Makes the mesh the answer to this query. The latest counts.
   ask(query: Query): void;
   choose(values: ValueChoice): void;
+  // These tiles, the first ones first, and no others any more; and how many images of tiles were
+  // used or dropped since the last call.
+  wantTiles(tiles: TileName[], taken: number): void;
   limit(limits: Limits): void;
   readonly maxTriangles: number; // that a query may ask for
   readonly traffic: Traffic;

@@ -15,6 +15,7 @@ export interface StatusContext {
   readonly navigation: Navigation;
   readonly look: {readonly style: Style; mapRange(): [number, number] | null};
   readonly loading: {progress(): string; figures(): [string, string][]};
+  readonly textures: {figures(): [string, string][]};
   readonly unit: string;
   readonly exaggerate: number;
   readonly frames: readonly number[];
@@ -90,6 +91,7 @@ export class Status {
       ['of the whole', whole(this.viewer.scene.total(o => o.info.triangles))],
       ['error bound', this.viewer.text(exact.bound)],
       ...this.viewer.loading.figures(),
+      ...this.viewer.textures.figures(),
       ['draw', `${figure(this.viewer.drawMilliseconds, 2)} ms`],
       ['frames in the last second', String(this.viewer.frames.length)],
     ];

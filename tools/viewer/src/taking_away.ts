@@ -14,6 +14,7 @@ export interface TakingContext {
   readonly scene: Scene;
   readonly navigation: Navigation;
   readonly store: Pick<Store, 'mesh'>;
+  readonly textures: {readonly settled: boolean};
   draw(): void;
   resize(): void;
   saveView(): void;
@@ -119,7 +120,7 @@ export class TakingAway {
       const look = () => {
         const kind = this.viewer.scene.exactness().kind;
         if (
-          (performance.now() - begin > 300 && kind !== 'loading') ||
+          (performance.now() - begin > 300 && kind !== 'loading' && this.viewer.textures.settled) ||
           performance.now() - begin > 30_000
         )
           done();

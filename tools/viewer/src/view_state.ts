@@ -10,9 +10,9 @@ export const kUnits = ['um', 'mm', 'cm', 'm', 'km', 'in', 'ft']; // of store/obj
 export interface Style {
   shading: 'smooth' | 'flat';
   wireframe: boolean;
-  colour: string; // plain, vertex, height, steepness, permitted, or a:NAME; empty in what was read: as is usual for the object
+  colour: string; // plain, vertex, texture, height, steepness, permitted, or a:NAME; empty in what was read: as is usual for the object
   map: string;
-  light: 'camera' | 'northwest';
+  light: 'camera' | 'northwest' | 'none'; // none: colours as they are
   back: 'same' | 'colour' | 'cap'; // how back faces look
 }
 
@@ -110,7 +110,7 @@ export function readView(hash: string, defaults: ViewState): ViewState {
       wireframe: p.has('wireframe') ? p.get('wireframe') === 'true' : defaults.style.wireframe,
       colour: p.get('colour') ?? defaults.style.colour,
       map: p.get('map') ?? defaults.style.map,
-      light: oneOf('light', ['camera', 'northwest'], defaults.style.light),
+      light: oneOf('light', ['camera', 'northwest', 'none'], defaults.style.light),
       back: oneOf('back', ['same', 'colour', 'cap'], defaults.style.back),
     },
     focus: usable

@@ -14,12 +14,13 @@ import {Panel} from './panel';
 import {add, dot, length, scale, sub, type Camera, type Point} from './query';
 import {Scene} from './scene';
 import {ServerStore} from './server_store';
-import {sharedUniforms} from './shaders';
+import {sharedUniforms, tableTexture} from './shaders';
 import {StoreError, type Hit, type ObjectEntry, type ObjectInfo, type Store} from './source';
 import {kindOf, newShape, numbersOf, shapeOf, type Shape} from './shapes';
 import {Status} from './status';
 import {inDegrees, isTerrain, stretchOf, toModel, toPage} from './stretch';
 import {TakingAway} from './taking_away';
+import {Textures} from './textures';
 import {kZUp, upAxes} from './up';
 import {kUnits, plainStyle, readView, writeView, type ViewState} from './view_state';
 
@@ -39,6 +40,7 @@ export class Viewer {
   readonly taking = new TakingAway(this);
   readonly status = new Status(this);
   readonly images = new Images(this);
+  readonly textures = new Textures(this);
   entries: ObjectEntry[] = [];
   frame: Point | null = null;
   readonly ui =
@@ -69,6 +71,13 @@ export class Viewer {
     this.renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
     const way = wayOf(location.search, store);
     this.scene = new Scene(store, way, this.shared, () => (this.panelDirty = true));
+    this.scene.onTexture = (object, news) => {
+      this.textures.take(object, news);
+      if (news.kind === 'pages' && object.pages === 0) {
+        this.look.apply(); // without it
+        this.panel.fill();
+      }
+    };
     this.loading = new Loading(store, way, this.scene, () => {
       this.look.apply();
       this.panel.fill();
@@ -575,6 +584,41 @@ export class Viewer {
     return texture;
   }
 
+  // What textures need of the renderer (texturing.ts).
+  readonly drawing = {
+    texture: () => new three.Texture(),
+    table: tableTexture,
+    target: (width: number, height: number) => new three.WebGLRenderTarget(width, height),
+    ask: (
+      target: three.WebGLRenderTarget,
+      shrink: number,
+      x: number,
+      y: number,
+      read: () => void,
+    ) => {
+      const {renderer, shared} = this,
+        {camera} = this.navigation,
+        w = shrink * target.width,
+        h = shrink * target.height;
+      const others = [this.handles.root, this.measuring.root],
+        visible = others.map(o => o.visible);
+      const clear = renderer.getClearColor(new three.Color()).clone(),
+        alpha = renderer.getClearAlpha();
+      others.forEach(o => (o.visible = false));
+      shared.asks!.value = true;
+      camera.setViewOffset(w, h, x, y, w, h);
+      renderer.setRenderTarget(target);
+      renderer.setClearColor(0, 0);
+      renderer.render(this.world, camera);
+      read();
+      renderer.setRenderTarget(null);
+      renderer.setClearColor(clear, alpha);
+      camera.clearViewOffset();
+      shared.asks!.value = false;
+      others.forEach((o, i) => (o.visible = visible[i]!));
+    },
+  };
+
   resize() {
     const w = this.canvas.clientWidth,
       h = this.canvas.clientHeight;
@@ -618,6 +662,7 @@ export class Viewer {
     if (this.taking.pictureViewport) {
       if (this.scene.objects.size > 0)
         this.scene.follow(this.navigation.query(this.viewport()), now);
+      this.textures.frame(now, false);
       return;
     }
     const seconds = Math.min(0.1, (now - this.lastFrame) / 1000);
@@ -637,7 +682,9 @@ export class Viewer {
       this.handles.dragging,
       this.look.style,
     ]);
-    if (state !== this.drawn) {
+    const moved = state !== this.drawn,
+      changed = this.textures.frame(now, moved);
+    if (moved || changed) {
       this.drawn = state;
       const begin = performance.now();
       this.draw();

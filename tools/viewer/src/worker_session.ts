@@ -11,9 +11,11 @@ import type {
   MeshSource,
   MeshUpdate,
   ObjectInfo,
+  TextureNews,
   Traffic,
   ValueChoice,
 } from './source';
+import type {TileName} from './texture_tiles';
 
 export type ToWorker =
   | {kind: 'open'; url: string; remember: number; types: string[]; stretch: Point} // of decoder.ts
@@ -27,6 +29,7 @@ export type ToWorker =
     } // of engine.ts
   | {kind: 'ask'; id: number; query: Query}
   | {kind: 'choose'; values: ValueChoice}
+  | {kind: 'tiles'; wanted: TileName[]; taken: number}
   | {kind: 'limit'; limits: Limits}
   | {kind: 'taken'};
 
@@ -47,6 +50,7 @@ export type FromWorker =
       milliseconds: number;
       load: Load | null;
     }
+  | {kind: 'texture'; news: TextureNews}
   // Something does not come; the worker tries again. Empty: it does.
   | {kind: 'trouble'; sentence: string}
   | {kind: 'closed'; opened: boolean; code: number; sentence: string};
@@ -137,6 +141,8 @@ export class WorkerSession implements MeshSource {
       if (message.update) this.listener.changed(message.update);
       for (const answer of message.answers) this.onAnswer(answer);
       requestAnimationFrame(() => this.post({kind: 'taken'}));
+    } else if (message.kind === 'texture') {
+      this.listener.texture(message.news);
     } else if (message.kind === 'trouble') {
       if (message.sentence)
         this.listener.state('lost', `${message.sentence.replace(/\.$/, '')}. Trying again…`);
@@ -231,6 +237,10 @@ export class WorkerSession implements MeshSource {
   choose(values: ValueChoice) {
     this.choice = values;
     if (this.ready) this.post({kind: 'choose', values});
+  }
+
+  wantTiles(wanted: TileName[], taken: number) {
+    if (this.ready) this.post({kind: 'tiles', wanted, taken});
   }
 
   limit(limits: Limits) {

@@ -42,6 +42,21 @@ export interface ObjectInfo {
   up_given?: boolean;
   /** Of a terrain that was a raster. */
   raster?: {crs: string; height_units: string};
+  /** Of an object whose triangles have texture coordinates; see Changes. */
+  texture?: TextureInfo;
+}
+
+/** Bytes of the packed file: MeshObject.read() gets them. */
+export interface FilePart {
+  offset: number;
+  bytes: number;
+}
+
+export interface TextureInfo {
+  /** The image files, as they came; 0 bytes: the file has none. Sizes in pixels are 0 where they are not known. */
+  pages: ({name: string; media_type: string; width: number; height: number} & FilePart)[];
+  /** The pages in small images of several sizes (store/FORMAT.md, "Tiles"); null: of older programs. */
+  tiles: FilePart | null;
 }
 
 export interface FileOptions {
@@ -141,7 +156,15 @@ export interface Changes {
   /** The attributes of each vertex slot, `rowBytes` each, in the order of ObjectInfo.attributes. */
   rows: Uint8Array;
   rowBytes: number;
+  /** Of textured objects, else empty: u and v of the three corners of each triangle slot, in the order of `indices`. u goes
+   * to the right and v up, from 0 to 1 across the page; values beyond repeat it. */
+  corners: Float32Array;
+  /** Likewise: the page of each triangle slot, a place in TextureInfo.pages, or kNoPage. */
+  pages: Uint32Array;
 }
+
+/** A triangle without an image. */
+export const kNoPage = 0xffffffff;
 
 /** What is known of each triangle slot; of empty ones nothing. Views on the engine's memory, as Changes. */
 export interface TriangleFacts {
@@ -187,6 +210,9 @@ interface Exports {
   normals(): number;
   stretch(x: number, y: number, z: number): void;
   rows(): number;
+  corners(): number;
+  pages(): number;
+  checksum(seed: bigint): bigint;
   take_changes(): number;
   triangle_facts(): void;
   errors(): number;
@@ -558,7 +584,27 @@ export class MeshObject {
       origin: [...new Float64Array(buffer, wasm.origin(), 3)] as Point,
       normals: new Int16Array(buffer, wasm.normals(), 4 * vertices),
       rows: new Uint8Array(buffer, wasm.rows(), rowBytes * vertices), rowBytes,
+      corners: new Float32Array(buffer, wasm.corners(), this.info.texture ? 6 * triangles : 0),
+      pages: new Uint32Array(buffer, wasm.pages(), this.info.texture ? triangles : 0),
     };
+  }
+
+  /** Bytes of the file, of tiles and pages of textures for instance: within the limits of FileOptions, and tried again as
+   * others are. They are not checked. */
+  async read(part: FilePart, signal?: AbortSignal): Promise<Uint8Array> {
+    for (let wait; (wait = this.ranges.wait()) > 0 && !signal?.aborted; ) await new Promise(done => setTimeout(done, wait));
+    if (this.closed || signal?.aborted) throw new MtdbError('cancelled', this.closed ? 'closed' : 'aborted');
+    if (!(part.offset >= 0 && part.bytes >= 0 && part.offset + part.bytes <= this.ranges.size))
+      throw new MtdbError(`the file has no ${part.bytes} bytes from ${part.offset} on`, 'invalid_argument');
+    return part.bytes === 0 ? new Uint8Array(0) : await this.ranges.read(part.offset, part.bytes, signal);
+  }
+
+  /** Hash64 of store/FORMAT.md, XXH3 with a seed: the checksum of tiles. */
+  checksum(bytes: Uint8Array, seed = 0n): bigint {
+    return this.engine.guard(() => {
+      this.engine.put(bytes);
+      return BigInt.asUintN(64, this.engine.wasm.checksum(BigInt.asIntN(64, seed)));
+    });
   }
 
   /** Of the mesh of the last update. Errors get exact as clusters come. Takes time in proportion to the mesh. */

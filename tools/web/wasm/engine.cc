@@ -20,6 +20,7 @@
 #include "query/query_json.h"
 #include "query/session.h"
 #include "query/surface.h"
+#include "store/base/hash.h"
 #include "store/base/json.h"
 #include "store/base/scalar_names.h"
 #include "store/packed_file.h"
@@ -152,7 +153,26 @@ std::string Input() {
   return {reinterpret_cast<const char*>(state.input.data()), state.input.size()};
 }
 
-Json ObjectJson(const ObjectRecord& record) {
+Result<Json> TextureJson(const ObjectRecord& record) {
+  Json pages = Json::Array();
+  const auto count = static_cast<uint32_t>(record.texture->pages.size());
+  for (uint32_t p = 0; p < count; ++p) {
+    MTDB_ASSIGN_OR_RETURN(const ByteRange file, state.file->TextureFileRange(record.name, p));
+    const TextureRecord::Page& page = record.texture->pages[p];
+    pages.push_back({{"name", page.name},
+                     {"media_type", page.media_type},
+                     {"width", page.width},
+                     {"height", page.height},
+                     {"offset", file.offset},
+                     {"bytes", file.bytes}});
+  }
+  MTDB_ASSIGN_OR_RETURN(const ByteRange tiles, state.file->TextureFileRange(record.name, count));
+  Json json = {{"pages", pages}, {"tiles", nullptr}};
+  if (tiles.bytes > 0) json["tiles"] = {{"offset", tiles.offset}, {"bytes", tiles.bytes}};
+  return json;
+}
+
+Result<Json> ObjectJson(const ObjectRecord& record) {
   Json attributes = Json::Array();
   for (const VertexAttribute& a : record.attributes.attributes) {
     attributes.push_back({{"name", a.name}, {"type", ScalarName(a.type)}});
@@ -173,6 +193,9 @@ Json ObjectJson(const ObjectRecord& record) {
   }
   if (record.raster) {
     json["raster"] = {{"crs", record.georeference}, {"height_units", record.raster->height_units}};
+  }
+  if (record.texture) {
+    MTDB_ASSIGN_OR_RETURN(json["texture"], TextureJson(record));
   }
   return json;
 }
@@ -223,6 +246,17 @@ void Report(const SessionUpdate& update) {
                   failure};
 }
 
+Status OpenPackedFile() {
+  MTDB_ASSIGN_OR_RETURN(state.file, PackedObjects::Open(state.ranges));
+  Json objects = Json::Array();
+  for (const ObjectRecord& record : state.file->List()) {
+    MTDB_ASSIGN_OR_RETURN(Json json, ObjectJson(record));
+    objects.push_back(std::move(json));
+  }
+  state.text = objects.Text();
+  return Status::Ok();
+}
+
 Status OpenObject(const std::string& name, double cache_bytes) {
   MTDB_ASSIGN_OR_RETURN(std::shared_ptr<ClusterSource> source, state.file->OpenObject(name));
   SurfaceOptions options;
@@ -249,6 +283,7 @@ Status UpdateOnce() {
   std::vector<UpdateBatch> batches;
   MTDB_ASSIGN_OR_RETURN(const SessionUpdate update, state.session->Update(state.query, &batches));
   for (const UpdateBatch& batch : batches) state.mesh->Apply(batch);
+  if (state.mesh->corners()) state.mesh->corners()->Fill(*state.session);
   state.mesh->ShowWritten();
   Report(update);
   return Status::Ok();
@@ -325,6 +360,10 @@ MTDB_EXPORT("error") extern "C" const char* Error() { return state.error.c_str()
 MTDB_EXPORT("error_size") extern "C" uint32_t ErrorSize() {
   return static_cast<uint32_t>(state.error.size());
 }
+// Hash64 of the input: checksums of a texture's tiles.
+MTDB_EXPORT("checksum") extern "C" uint64_t Checksum(uint64_t seed) {
+  return Hash64(state.input, seed);
+}
 MTDB_EXPORT("text") extern "C" const char* Text() { return state.text.c_str(); }
 MTDB_EXPORT("text_size") extern "C" uint32_t TextSize() {
   return static_cast<uint32_t>(state.text.size());
@@ -342,14 +381,9 @@ MTDB_EXPORT("keep") extern "C" void Keep(double offset) {
 // The file's objects as JSON, in the text. kNotYet: keep what the wishes say, and call again.
 MTDB_EXPORT("open_file") extern "C" uint32_t OpenFile() {
   state.ranges->SetOpening(true);
-  Result<std::shared_ptr<PackedObjects>> file = PackedObjects::Open(state.ranges);
+  const Status status = OpenPackedFile();
   state.ranges->SetOpening(false);
-  if (!file.ok()) return Code(file.status());
-  state.file = *std::move(file);
-  Json objects = Json::Array();
-  for (const ObjectRecord& record : state.file->List()) objects.push_back(ObjectJson(record));
-  state.text = objects.Text();
-  return 0;
+  return Code(status);
 }
 // The object whose name is in the input, with a cache of so many bytes. Likewise.
 MTDB_EXPORT("open_object") extern "C" uint32_t OpenObjectByName(double cache_bytes) {
@@ -401,6 +435,13 @@ MTDB_EXPORT("normals") extern "C" const int16_t* Normals() {
   return reinterpret_cast<const int16_t*>(state.normals.data());
 }
 MTDB_EXPORT("rows") extern "C" const std::byte* Rows() { return state.mesh->rows().data(); }
+// Of textured objects, else 0: SlotCorners::coordinates, and pages.
+MTDB_EXPORT("corners") extern "C" const float* Corners() {
+  return state.mesh->corners() ? state.mesh->corners()->coordinates().data() : nullptr;
+}
+MTDB_EXPORT("pages") extern "C" const uint32_t* Pages() {
+  return state.mesh->corners() ? state.mesh->corners()->pages().data() : nullptr;
+}
 
 MTDB_EXPORT("stretch") extern "C" void Stretch(double x, double y, double z) {
   state.stretch = {static_cast<float>(x), static_cast<float>(y), static_cast<float>(z)};

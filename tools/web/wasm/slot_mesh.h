@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <array>
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <unordered_map>
 #include <utility>
@@ -15,6 +16,7 @@
 #include "store/base/bytes.h"
 #include "store/object_record.h"
 #include "tools/viewer/wasm/slot_ranges.h"
+#include "tools/web/wasm/slot_corners.h"
 
 namespace mtdb {
 
@@ -26,6 +28,7 @@ class SlotMesh {
       : grid_(record.grid), row_bytes_(record.attributes.row_bytes()) {
     const Vec3d centre = (record.bounds.min + record.bounds.max) * 0.5;
     origin_ = {centre.x, centre.y, centre.z};
+    if (record.texture) corners_.emplace();
     for (size_t v = 0; v < base.vertices.size(); ++v) {
       AddVertex(base.vertices[v], base.positions[v],
                 ByteSpan(base.rows).subspan(v * row_bytes_, row_bytes_));
@@ -88,6 +91,10 @@ class SlotMesh {
     shown_triangles_ = 0;
     written_triangles_.MarkBelow(static_cast<uint32_t>(indices_.size() / 3));
   }
+  // Of textured objects: where the triangles lie in the pages; as they were at the last Fill.
+  // Others have none.
+  std::optional<SlotCorners>& corners() { return corners_; }
+
   // Brings `shown` up to date.
   void ShowWritten() {
     if (!clip_) return;
@@ -154,6 +161,7 @@ class SlotMesh {
     }
     triangles_[key] = slot;
     written_triangles_.Mark(slot);
+    if (corners_) corners_->Add(slot, key, corners);
   }
   void RemoveTriangle(TriangleKey key) {
     const auto at = triangles_.find(key);
@@ -161,6 +169,7 @@ class SlotMesh {
       touched_.Mark(std::exchange(indices_[3 * size_t{at->second} + i], 0U));
     }
     written_triangles_.Mark(at->second);
+    if (corners_) corners_->Remove(at->second);
     free_triangles_.push_back(at->second);
     triangles_.erase(at);
   }
@@ -174,6 +183,7 @@ class SlotMesh {
   MeetsRegion clip_;
   std::vector<uint32_t> shown_;
   size_t shown_triangles_ = 0;
+  std::optional<SlotCorners> corners_;
   Bytes rows_;
   std::unordered_map<TriangleKey, uint32_t> triangles_;
   std::unordered_map<VertexIndex, uint32_t> vertices_;
