@@ -21,9 +21,9 @@
 namespace mtdb::internal {
 
 // A new query goes through four hands: Deadlines tell what it may decide otherwise, Strength tells
-// why the nodes are there, Removal takes away those that have no reason, and Insertion brings in
-// what is missing. Units that cannot be needed are closed: their parents keep a deadline for them.
-// Budgets of a query are not observed. Used by one thread.
+// why the nodes are there, NodeRemoval takes away those that have no reason, and Insertion brings
+// in what is missing. Units that cannot be needed are closed: their parents keep a deadline for
+// them. Budgets of a query are not observed. Used by one thread.
 class MovingCut {
  public:
   // Called after each round, with the cut that is reached; the changes since the last round are at
@@ -101,12 +101,12 @@ class MovingCut {
   Deadlines deadlines_;
   Decisions decisions_;
   Strength strength_;
-  Removal removal_;
+  NodeRemoval removal_;
   Insertion insertion_;
   ActiveTriangles active_;
   std::vector<MissingCluster> missing_;
   uint32_t moves_ = 0;
-  std::vector<NodeKey> weak_;  // nodes that Removal begins with
+  std::vector<NodeKey> weak_;  // nodes that NodeRemoval begins with
   std::vector<UnitId> idle_;   // units that may have become superfluous
 };
 

@@ -27,8 +27,8 @@ inline NodeIndex NodeOf(NodeKey key) { return static_cast<NodeIndex>(key); }
 struct MovingUnit final : CutUnit {
   UnitDeadlines deadlines;
   Bits recheck;                              // Strength: per node: may be strong, or weak, now
-  Bits suspended;                            // Removal: per node
-  std::vector<NodeIndex> new_suspended;      // Removal: those whose neighbours are still to come
+  Bits suspended;                            // NodeRemoval: per node
+  std::vector<NodeIndex> new_suspended;      // NodeRemoval: whose neighbours are still to come
   std::vector<NodeIndex> undecided;          // Insertion: nodes to be looked at
   std::vector<uint32_t> undecided_children;  // Insertion: ordinals
 

@@ -12,7 +12,7 @@ constexpr size_t kLeastTable = 1024;
 
 }  // namespace
 
-Status Removal::Run(const std::vector<NodeKey>& changed) {
+Status NodeRemoval::Run(const std::vector<NodeKey>& changed) {
   suspended_.clear();
   leads_.clear();
   table_.Reset(kLeastTable);
@@ -22,7 +22,7 @@ Status Removal::Run(const std::vector<NodeKey>& changed) {
   return RemoveSuspended();
 }
 
-void Removal::Suspend(MovingUnit& u, NodeIndex node) {
+void NodeRemoval::Suspend(MovingUnit& u, NodeIndex node) {
   if (!u.applied.Test(node) || u.strong.Test(node)) return;
   if (u.suspended.empty()) u.suspended = Bits(u.applied.size());
   if (u.suspended.Test(node)) return;
@@ -33,23 +33,23 @@ void Removal::Suspend(MovingUnit& u, NodeIndex node) {
   units_.queue().Add(u);
 }
 
-uint32_t Removal::PlaceOf(NodeKey key) const {
+uint32_t NodeRemoval::PlaceOf(NodeKey key) const {
   return table_.Find(HashOfNumber(key), [&](uint32_t p) { return suspended_[p].key == key; });
 }
 
 // At most half of it is used.
-void Removal::AddToTable(uint32_t place) {
+void NodeRemoval::AddToTable(uint32_t place) {
   const auto hash_of = [&](uint32_t p) { return HashOfNumber(suspended_[p].key); };
   if (2 * suspended_.size() > table_.size()) table_.Resize(2 * table_.size(), hash_of);
   table_.FindEmpty(hash_of(place)) = place;
 }
 
-void Removal::AddLead(uint32_t from, uint32_t to) {
+void NodeRemoval::AddLead(uint32_t from, uint32_t to) {
   leads_.push_back({to, suspended_[from].lead});
   suspended_[from].lead = static_cast<uint32_t>(leads_.size() - 1);
 }
 
-Status Removal::SuspendAll() {
+Status NodeRemoval::SuspendAll() {
   return units_.RunQueue([&](MovingUnit& u, const LoadedUnit& unit) -> Status {
     MTDB_RETURN_IF_ERROR(units_.ForEachArrival(u, unit, [&](NodeIndex node) {
       if (u.refusing.Test(node)) Suspend(u, node);
@@ -64,7 +64,7 @@ Status Removal::SuspendAll() {
   });
 }
 
-void Removal::SuspendAround(MovingUnit& u, const LoadedUnit& unit, NodeIndex node) {
+void NodeRemoval::SuspendAround(MovingUnit& u, const LoadedUnit& unit, NodeIndex node) {
   const CompactCluster& cluster = unit.cluster;
   const uint32_t place = PlaceOf(KeyOf(u.id, node));
   const uint32_t hole_begin = cluster.hole_begin[node];
@@ -95,7 +95,7 @@ void Removal::SuspendAround(MovingUnit& u, const LoadedUnit& unit, NodeIndex nod
   }
 }
 
-Status Removal::FindFounded() {
+Status NodeRemoval::FindFounded() {
   std::vector<uint32_t> founded;
   const auto found = [&](uint32_t place) {
     const NodeKey key = suspended_[place].key;
@@ -118,7 +118,7 @@ Status Removal::FindFounded() {
   return Status::Ok();
 }
 
-Status Removal::RemoveSuspended() {
+Status NodeRemoval::RemoveSuspended() {
   // Children before parents: ascending units, descending nodes.
   std::vector<UnitId> units;
   for (const Suspended& s : suspended_) {
@@ -145,7 +145,7 @@ Status Removal::RemoveSuspended() {
   });
 }
 
-void Removal::Remove(MovingUnit& u, const LoadedUnit& unit, NodeIndex node) {
+void NodeRemoval::Remove(MovingUnit& u, const LoadedUnit& unit, NodeIndex node) {
   units_.Remove(u, unit, node);
   const CompactCluster& cluster = unit.cluster;
   for (uint32_t slot = cluster.star_begin[node]; slot < cluster.star_begin[node + 1]; ++slot) {

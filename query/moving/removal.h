@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Removal: takes away what a cut no longer needs. docs/design.md, "Taking away".
+// NodeRemoval: takes away what a cut no longer needs. docs/design.md, "Taking away".
 #pragma once
 
 #include <cstdint>
@@ -15,9 +15,9 @@ namespace mtdb::internal {
 // their reasons. A suspended node that one of these needs is founded, and so is what is needed, or
 // refused for what it creates, by the founded; the rest is unfounded and removed. What stays is
 // part of the new least cut and holds the parents of all its nodes. Also see Strength.
-class Removal {
+class NodeRemoval {
  public:
-  explicit Removal(MovingUnits& units) : units_(units) {}
+  explicit NodeRemoval(MovingUnits& units) : units_(units) {}
 
   // `changed`: nodes that have become weak, and weak ones that refuse otherwise. Strength is right.
   Status Run(const std::vector<NodeKey>& changed);

@@ -76,10 +76,7 @@ Result<ObjectRecord> BuildInto(Database& database, const std::string& name,
   return BuildObject(mesh, here, *writer, progress);
 }
 
-namespace {
-
-// Opens and verifies the object of a store that was built.
-BuiltObject Built(std::unique_ptr<TempStore> store, const Result<ObjectRecord>& record) {
+BuiltObject Open(std::unique_ptr<TempStore> store, const Result<ObjectRecord>& record) {
   BuiltObject built;
   built.store = std::move(store);
   INFO(record.status().message());
@@ -96,23 +93,12 @@ BuiltObject Built(std::unique_ptr<TempStore> store, const Result<ObjectRecord>& 
   return built;
 }
 
-}  // namespace
-
 BuiltObject Build(const TriangleMesh& mesh, const BuildOptions& options) {
   auto store = std::make_unique<TempStore>();
   BuildOptions any = options;  // on any grid, however coarse
   any.max_collapsed = 1;
   const Result<ObjectRecord> record = BuildInto(store->database(), "object", mesh, any);
-  return Built(std::move(store), record);
-}
-
-BuiltObject Build(const TriangleMesh& mesh, const BuildOptions& options,
-                  const DecimatorFactory& make_decimator) {
-  auto store = std::make_unique<TempStore>();
-  const std::unique_ptr<ObjectWriter> writer = store->database().Create("object", false).value();
-  const Result<ObjectRecord> record = BuildObjectWith(
-      make_decimator, [&](MeshSink& sink) { return SendMesh(mesh, sink); }, options, *writer);
-  return Built(std::move(store), record);
+  return Open(std::move(store), record);
 }
 
 BuiltObject Build(const AttributeKind& kind) {

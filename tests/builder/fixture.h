@@ -10,7 +10,6 @@
 #include <vector>
 
 #include "builder/build.h"
-#include "builder/rounds/build_with.h"
 #include "query/surface.h"
 #include "store/base/mesh_sink.h"
 #include "store/database.h"
@@ -51,9 +50,8 @@ Result<ObjectRecord> BuildInto(Database& database, const std::string& name,
 // The same with a new store; requires success, and that VerifyStore and VerifyObject agree.
 BuiltObject Build(const TriangleMesh& mesh, const BuildOptions& options = {});
 BuiltObject Build(const AttributeKind& kind);
-// The same by another decimator than the product's.
-BuiltObject Build(const TriangleMesh& mesh, const BuildOptions& options,
-                  const DecimatorFactory& make_decimator);
+// Opens and verifies the object of a store that was built likewise.
+BuiltObject Open(std::unique_ptr<TempStore> store, const Result<ObjectRecord>& record);
 TriangleMesh Extract(const Surface& surface, const Query& query, ExtractStats* stats = nullptr);
 
 TriangleMesh MakeSculpture(uint64_t triangles, uint64_t seed = 1);

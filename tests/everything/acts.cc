@@ -379,7 +379,7 @@ void Ingest(World& world, const Step& given) {
     }
     // Who does not look finds the journal there when he goes on.
     if (!library && published && (!step.Flag("tmp") || step.Flag("list"))) {
-      CheckList(world, step, *published);
+      CheckList(world, step, published == true);
     }
   } else {
     Judged(world, step, std::move(plan), ran, by);

@@ -7,7 +7,6 @@
 #include <cstdlib>
 #include <map>
 #include <netinet/in.h>
-#include <nlohmann/json.hpp>
 #include <poll.h>
 #include <sstream>
 #include <string>
@@ -16,9 +15,9 @@
 #include <unistd.h>
 #include <utility>
 
-namespace mtdb::test {
+#include "tests/support/json.h"
 
-using Json = nlohmann::json;
+namespace mtdb::test {
 
 constexpr int kSocketTimeoutMs = 60'000;
 
@@ -31,9 +30,9 @@ struct HttpAnswer {
     const auto at = headers.find(name);
     return at == headers.end() ? "" : at->second;
   }
-  Json json() const { return Json::parse(body); }
-  std::string error() const { return json().at("error"); }
-  std::string code() const { return json().at("code"); }
+  Json json() const { return ParseJson(body); }
+  std::string error() const;
+  std::string code() const;
 };
 
 // A TCP connection that sends what it is told.
@@ -41,21 +40,7 @@ class RawConnection {
  public:
   // With `receive_bytes`, so small a receive buffer that the server soon has to wait. From
   // 127.0.0.`from`: each is a client of its own to the server.
-  explicit RawConnection(int port, int receive_bytes = 0, int from = 1)
-      : socket_(::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0)) {
-    if (receive_bytes > 0) {
-      ::setsockopt(socket_, SOL_SOCKET, SO_RCVBUF, &receive_bytes, sizeof(receive_bytes));
-    }
-    sockaddr_in address{};
-    address.sin_family = AF_INET;
-    address.sin_port = htons(static_cast<uint16_t>(port));
-    address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-    sockaddr_in own{};
-    own.sin_family = AF_INET;
-    own.sin_addr.s_addr = htonl(INADDR_LOOPBACK - 1 + static_cast<uint32_t>(from));
-    if (from != 1) ::bind(socket_, reinterpret_cast<sockaddr*>(&own), sizeof(own));
-    connected_ = ::connect(socket_, reinterpret_cast<sockaddr*>(&address), sizeof(address)) == 0;
-  }
+  explicit RawConnection(int port, int receive_bytes = 0, int from = 1);
   ~RawConnection() { Close(); }
   RawConnection(const RawConnection&) = delete;
   RawConnection& operator=(const RawConnection&) = delete;
@@ -71,66 +56,16 @@ class RawConnection {
            static_cast<ssize_t>(bytes.size());
   }
 
-  bool Send(std::string_view bytes) {
-    while (!bytes.empty()) {
-      const ssize_t n = ::send(socket_, bytes.data(), bytes.size(), MSG_NOSIGNAL);
-      if (n <= 0) return false;
-      bytes.remove_prefix(static_cast<size_t>(n));
-    }
-    return true;
-  }
+  bool Send(std::string_view bytes);
 
   // More bytes of what was received; false at the end.
-  bool Receive() {
-    pollfd entry{socket_, POLLIN, 0};
-    if (::poll(&entry, 1, kSocketTimeoutMs) != 1) return false;
-    char block[1 << 16];
-    const ssize_t n = ::recv(socket_, block, sizeof(block), 0);
-    if (n <= 0) return false;
-    received_.append(block, static_cast<size_t>(n));
-    return true;
-  }
+  bool Receive();
   // The next `size` bytes; fewer when the server closes.
-  std::string Take(size_t size) {
-    while (received_.size() < size && Receive()) {
-    }
-    const std::string bytes = received_.substr(0, size);
-    received_.erase(0, size);
-    return bytes;
-  }
+  std::string Take(size_t size);
   // All that comes until the server closes.
-  std::string ReceiveAll() {
-    while (Receive()) {
-    }
-    return std::move(received_);
-  }
+  std::string ReceiveAll();
 
-  HttpAnswer ReceiveAnswer(bool head = false) {
-    HttpAnswer answer;
-    size_t end = 0;
-    while ((end = received_.find("\r\n\r\n")) == std::string::npos) {
-      if (!Receive()) return {};
-    }
-    std::istringstream lines(received_.substr(0, end));
-    received_.erase(0, end + 4);
-    std::string line;
-    std::getline(lines, line);
-    const int status = line.starts_with("HTTP/1.1 ") ? std::atoi(line.c_str() + 9) : 0;
-    while (std::getline(lines, line)) {
-      if (line.ends_with('\r')) line.pop_back();
-      const size_t colon = line.find(": ");
-      if (colon != std::string::npos)
-        answer.headers[line.substr(0, colon)] = line.substr(colon + 2);
-    }
-    const size_t size = head ? 0 : std::stoull("0" + answer.header("Content-Length"));
-    while (received_.size() < size) {
-      if (!Receive()) return {};
-    }
-    answer.body = received_.substr(0, size);
-    received_.erase(0, size);
-    answer.status = status;
-    return answer;
-  }
+  HttpAnswer ReceiveAnswer(bool head = false);
 
  private:
   int socket_;
@@ -138,11 +73,7 @@ class RawConnection {
   std::string received_;
 };
 
-inline std::string RequestText(const std::string& method, const std::string& target,
-                               const std::string& body = "", const std::string& more = "") {
-  std::string text = method + " " + target + " HTTP/1.1\r\nHost: localhost\r\n" + more;
-  if (!body.empty()) text += "Content-Length: " + std::to_string(body.size()) + "\r\n";
-  return text + "\r\n" + body;
-}
+std::string RequestText(const std::string& method, const std::string& target,
+                        const std::string& body = "", const std::string& more = "");
 
 }  // namespace mtdb::test

@@ -84,7 +84,7 @@ class RawSession : public RawConnection {
   // The next text message, as JSON; null when there is none.
   Json ReceiveText() {
     while (const std::optional<Frame> frame = ReceiveFrame()) {
-      if (frame->opcode == kText) return Json::parse(frame->payload);
+      if (frame->opcode == kText) return ParseJson(frame->payload);
       if (frame->opcode == kCloseFrame) break;
     }
     return nullptr;

@@ -144,13 +144,13 @@ constexpr double kUnit = 1000;  // nanometres
 
 TEST_CASE("info, names and levels are as neuroglancer reads them", "[tile]") {
   const Written& w = TheWritten();
-  const Json info = Json::parse(ReadText(w.folder + "/info"));
+  const Json info = ParseJson(ReadText(w.folder + "/info"));
   CHECK(info.at("@type") == "neuroglancer_multilod_draco");
   CHECK(info.at("vertex_quantization_bits") == 16);
   CHECK(info.at("transform") == Json::array({1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0}));
   CHECK(info.at("lod_scale_multiplier") == 5);  // ten pixels are two
   CHECK_FALSE(info.contains("sharding"));
-  const Json names = Json::parse(ReadText(w.folder + "/segment_properties/info"));
+  const Json names = ParseJson(ReadText(w.folder + "/segment_properties/info"));
   CHECK(names.at("@type") == "neuroglancer_segment_properties");
   CHECK(names.at("inline").at("ids") == Json::array({"1"}));
   CHECK(names.at("inline").at("properties").at(0).at("values") == Json::array({"sculpture"}));
@@ -367,10 +367,10 @@ TEST_CASE("objects become segments, in files of their own or in shards with the 
     arguments->insert(arguments->end(), how.begin(), how.end());
     RunOk(*arguments);
   }
-  const Json names = Json::parse(ReadText(plain + "/segment_properties/info")).at("inline");
+  const Json names = ParseJson(ReadText(plain + "/segment_properties/info")).at("inline");
   CHECK(names.at("ids") == Json::array({"1", "2", "42"}));
   CHECK(names.at("properties").at(0).at("values") == Json::array({"a", "b", "42"}));
-  const Json sharding = Json::parse(ReadText(shards + "/info")).at("sharding");
+  const Json sharding = ParseJson(ReadText(shards + "/info")).at("sharding");
   CHECK(sharding.at("@type") == "neuroglancer_uint64_sharded_v1");
   CHECK(sharding.at("hash") == "identity");
   REQUIRE(sharding.at("minishard_bits") == 0);
@@ -403,7 +403,7 @@ TEST_CASE("objects become segments, in files of their own or in shards with the 
   for (const std::string& tiles : {plain, shards}) {
     for (const std::string name : {"42", "a", "b"}) {
       const Json report = RunJson({"verify", several.store, "--name", name, "--tiles", tiles});
-      INFO(report.dump(1));
+      INFO(TextOf(report, 1));
       CHECK(report.at("ok") == true);
     }
   }

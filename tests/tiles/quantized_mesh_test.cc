@@ -49,7 +49,7 @@ const TiledTerrain& TheTerrain() {
 // Calls visit(level, x, y, tile) for all tiles.
 template <typename Visit>
 void ForEachTile(const TiledTerrain& terrain, const Visit& visit) {
-  const Json layer = Json::parse(ReadText(terrain.tiles + "/layer.json"));
+  const Json layer = ParseJson(ReadText(terrain.tiles + "/layer.json"));
   const Json& available = layer.at("available");
   for (size_t level = 0; level < available.size(); ++level) {
     const Json& range = available.at(level).at(0);
@@ -70,7 +70,7 @@ double HeightOf(const ReadTerrain& tile, uint32_t v) {
 
 TEST_CASE("layer.json says which tiles there are, and errors are the client's own", "[tile]") {
   const TiledTerrain& terrain = TheTerrain();
-  const Json layer = Json::parse(ReadText(terrain.tiles + "/layer.json"));
+  const Json layer = ParseJson(ReadText(terrain.tiles + "/layer.json"));
   CHECK(layer.at("format") == "quantized-mesh-1.0");
   CHECK(layer.at("scheme") == "tms");
   CHECK(layer.at("projection") == "EPSG:4326");
@@ -212,7 +212,7 @@ TEST_CASE("tiles cover their squares, and neighbours agree on their sides to the
 
 TEST_CASE("heights of a level are as true as it says", "[tile]") {
   const TiledTerrain& terrain = TheTerrain();
-  const Json bounds = Json::parse(ReadText(terrain.tiles + "/layer.json")).at("errorBounds");
+  const Json bounds = ParseJson(ReadText(terrain.tiles + "/layer.json")).at("errorBounds");
   std::map<int, std::vector<std::pair<std::string, double>>> places;
   ForEachTile(terrain, [&](int level, int x, int y, const ReadTerrain& tile) {
     const double side = 180.0 / (1 << level);
@@ -306,7 +306,7 @@ TEST_CASE("verify measures terrain of both formats", "[tile]") {
   RunOk({"tile", terrain.store, folder.File("t"), "--tile-triangles", "2000"});
   for (const std::string& tiles : {terrain.tiles, folder.File("t")}) {
     const Json report = RunJson({"verify", terrain.store, "--tiles", tiles});
-    INFO(report.dump(1));
+    INFO(TextOf(report, 1));
     CHECK(report.at("ok") == true);
   }
 }
@@ -315,7 +315,7 @@ TEST_CASE("tiles of Web Mercator", "[tile]") {
   const Folder folder;
   RunOk({"tile", TheTerrain().store, folder.File("q"), "--as", "quantized-mesh", "--mercator",
          "--max-level", "9"});
-  const Json layer = Json::parse(ReadText(folder.File("q/layer.json")));
+  const Json layer = ParseJson(ReadText(folder.File("q/layer.json")));
   CHECK(layer.at("projection") == "EPSG:3857");
   const Json& range = layer.at("available").at(9).at(0);
   // Longitude 11.03 of 512 columns; latitude 47.02 of rows from the south.

@@ -103,7 +103,7 @@ double HeightOf(const std::string& encoding, uint32_t code) {
 TEST_CASE("heights of pictures are those of the terrain within what is stated", "[tile]") {
   const Hills& hills = TheHills();
   for (const std::string& folder : {hills.terrarium, hills.mapbox}) {
-    const Json json = Json::parse(ReadText(folder + "/tiles.json"));
+    const Json json = ParseJson(ReadText(folder + "/tiles.json"));
     const std::string encoding = json.at("encoding");
     const uint32_t side = json.at("tileSize");
     const size_t levels = json.at("errorBounds").size();
@@ -155,7 +155,7 @@ TEST_CASE("heights of pictures are those of the terrain within what is stated", 
 
 TEST_CASE("errors of levels are a part of a pixel, and rounding a part of them", "[tile]") {
   const Hills& hills = TheHills();
-  const Json bounds = Json::parse(ReadText(hills.terrarium + "/tiles.json")).at("errorBounds");
+  const Json bounds = ParseJson(ReadText(hills.terrarium + "/tiles.json")).at("errorBounds");
   for (const TileName& tile : TilesOf(hills.terrarium)) {
     INFO("level " << tile.z);
     const double bound = bounds.at(tile.z);
@@ -178,7 +178,7 @@ class Archive {
   explicit Archive(const std::string& path) : bytes_(ReadText(path)) {
     REQUIRE(bytes_.size() > 127);
     CHECK(bytes_.starts_with("PMTiles\3"));
-    metadata = Json::parse(Unpacked(Number(24), Number(32)));
+    metadata = ParseJson(Unpacked(Number(24), Number(32)));
     Read(Number(8), Number(16));
   }
   uint64_t Number(size_t at) const {
@@ -374,7 +374,7 @@ TEST_CASE("a raster that is finer than units of quantized-mesh has bounds that h
     const std::string tiles = folder.File(std::string("q") + cell);
     RunOk({"tile", store, tiles, "--as", "quantized-mesh"});
     const Json report = RunJson({"verify", store, "--tiles", tiles});
-    INFO(report.dump(1));
+    INFO(TextOf(report, 1));
     CHECK(report.at("ok") == true);
   }
 }

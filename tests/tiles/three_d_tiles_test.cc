@@ -200,11 +200,11 @@ TEST_CASE("a damaged record of what is written is told", "[tile]") {
   const std::string text = ReadText(record);
   const Arguments again{"tile", tiles.example.store, copy, "--tile-triangles", "1000"};
   RunOk(again);
-  const Json whole = Json::parse(text);
+  const Json whole = ParseJson(text);
   const auto refused = [&](const auto& change) {
     Json json = whole;
     change(json.at("progress"));
-    WriteText(record, json.dump());
+    WriteText(record, TextOf(json));
     RunFails(1, again, {"damaged", "remove the folder"});
   };
   refused([](Json& progress) { progress.erase("state"); });
@@ -335,7 +335,7 @@ TEST_CASE("a place on the globe becomes the root's matrix", "[tile]") {
   const Example& example = SmallExample();
   const Folder folder;
   RunOk({"tile", example.store, folder.File("t"), "--at=90,0,100"});
-  const Json tileset = Json::parse(ReadText(folder.File("t/tileset.json")));
+  const Json tileset = ParseJson(ReadText(folder.File("t/tileset.json")));
   const Json& m = tileset.at("root").at("transform");
   REQUIRE(m.size() == 16);
   const auto column = [&](size_t i) {

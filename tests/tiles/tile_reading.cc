@@ -42,7 +42,7 @@ ReadTile ReadNode(const Json& node, const std::string& folder, const std::string
   if (node.contains("content")) {
     tile.uri = Plain(FolderOf(file) + node.at("content").at("uri").get<std::string>());
     if (tile.uri.ends_with(".json")) {
-      const Json tileset = Json::parse(ReadText(folder + "/" + tile.uri));
+      const Json tileset = ParseJson(ReadText(folder + "/" + tile.uri));
       const ReadTile root = ReadNode(tileset.at("root"), folder, tile.uri);
       CHECK(root.error == tile.error);
       CHECK(root.box == tile.box);
@@ -65,7 +65,7 @@ ReadTile ReadNode(const Json& node, const std::string& folder, const std::string
 }  // namespace
 
 ReadTile ReadTileset(const std::string& folder) {
-  const Json tileset = Json::parse(ReadText(folder + "/tileset.json"));
+  const Json tileset = ParseJson(ReadText(folder + "/tileset.json"));
   CHECK(tileset.at("asset").at("version") == "1.1");
   const ReadTile root = ReadNode(tileset.at("root"), folder, "tileset.json");
   CHECK(tileset.at("geometricError").get<double>() > root.error);
@@ -87,7 +87,7 @@ ReadGltf ReadGlb(const std::string& path) {
   REQUIRE(bytes.starts_with("glTF"));
   uint32_t length = 0;
   std::memcpy(&length, bytes.data() + 12, sizeof(length));
-  const Json json = Json::parse(bytes.substr(20, length));
+  const Json json = ParseJson(bytes.substr(20, length));
   const auto* const binary = reinterpret_cast<const unsigned char*>(bytes.data()) + 28 + length;
   const auto decode = [&](size_t accessor) {
     const Json& a = json.at("accessors").at(accessor);

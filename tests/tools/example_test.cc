@@ -60,7 +60,7 @@ TEST_CASE("the example of queries has all of docs/query.md, and both ways give o
     const size_t end = printed.rfind('\n', printed.find(" triangles, error at most", at));
     const size_t next = printed.find('\n', end + 1) + 1;
     REQUIRE(end > at);
-    asked.push_back(Json::parse(printed.substr(at, end - at)));
+    asked.push_back(ParseJson(printed.substr(at, end - at)));
     const std::string answer = printed.substr(end, next - end);
     CHECK_THAT(answer, !Catch::StartsWith("\n  0 triangles"));
     answers.insert(answer);
@@ -72,7 +72,7 @@ TEST_CASE("the example of queries has all of docs/query.md, and both ways give o
   REQUIRE(blocks.size() > 30);
   for (size_t i = 1; i < blocks.size(); ++i) {  // the first shows all keys at once
     INFO(blocks[i]);
-    CHECK(std::count(asked.begin(), asked.end(), Json::parse(blocks[i])) == 1);
+    CHECK(std::count(asked.begin(), asked.end(), ParseJson(blocks[i])) == 1);
   }
   CHECK(asked.size() == blocks.size() - 1);
   // The C++ of the tables, too.

@@ -92,7 +92,7 @@ void WriteGolden(const Golden& golden) {
   ingest.insert(ingest.end(), golden.ingest.begin(), golden.ingest.end());
   RunOk(ingest);
   std::filesystem::create_directories(kGolden);
-  WriteText(kGolden + golden.name + ".json", Facts(store, folder).dump(1) + "\n");
+  WriteText(kGolden + golden.name + ".json", TextOf(Facts(store, folder), 1) + "\n");
   WriteText(kGolden + golden.name + ".mtdb", ReadText(store));
 }
 
@@ -107,9 +107,9 @@ TEST_CASE("stores of this format version are read as when they were written", "[
     const std::string store = folder.File("store.mtdb");
     WriteText(store, bytes);
     CHECK(RunJson({"verify", store, "--level", "full"}).at("ok") == true);
-    const Json expected = Json::parse(ReadText(kGolden + golden.name + ".json"));
+    const Json expected = ParseJson(ReadText(kGolden + golden.name + ".json"));
     const Json found = Facts(store, folder);
-    INFO(Json::diff(expected, found).dump(1));
+    INFO(TextOf(Json::diff(expected, found), 1));
     CHECK(found == expected);
   }
 }

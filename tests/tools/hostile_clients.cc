@@ -46,7 +46,7 @@ void AskForParts(const Target& target, Random& random) {
     const Json centre{place(random), place(random), place(random)};
     const Json query{{"region", {{"sphere", {{"centre", centre}, {"radius", 0.7}}}}},
                      {"clip", true}};
-    if (!session.Send(TextFrame(QueryMessage(id, query.dump())))) return;
+    if (!session.Send(TextFrame(QueryMessage(id, TextOf(query))))) return;
     if (session.ReceiveText().is_null()) return;
   }
 }

@@ -41,7 +41,7 @@ class JsonTables {
 
   // Of a verb's whole answer.
   void Check(const Json& answer) {
-    INFO(answer.dump(1));
+    INFO(TextOf(answer, 1));
     REQUIRE(answer.is_object());
     REQUIRE(answer.contains("schema"));
     const std::string table = answer.at("schema");
@@ -87,7 +87,7 @@ class JsonTables {
   }
 
   void CheckType(const Json& value, const std::string& type, const std::string& name) {
-    INFO(name << " is to be " << type << ", found " << value.dump());
+    INFO(name << " is to be " << type << ", found " << TextOf(value));
     constexpr std::string_view kList = "list of ", kOrNull = " or null";
     if (type.ends_with(kOrNull)) {
       if (!value.is_null()) CheckType(value, type.substr(0, type.size() - kOrNull.size()), name);

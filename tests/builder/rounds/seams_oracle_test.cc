@@ -165,6 +165,15 @@ void CheckCuts(const TriangleMesh& input, const BuiltObject& built, const Check&
   REQUIRE(tightest > 0.8);
 }
 
+BuiltObject BuildWith(const DecimatorFactory& make_decimator, const TriangleMesh& mesh,
+                      const BuildOptions& options) {
+  auto store = std::make_unique<TempStore>();
+  const std::unique_ptr<ObjectWriter> writer = store->database().Create("object", false).value();
+  const Result<ObjectRecord> record = BuildObjectWith(
+      make_decimator, [&](MeshSink& sink) { return SendMesh(mesh, sink); }, options, *writer);
+  return Open(std::move(store), record);
+}
+
 }  // namespace
 
 TEST_CASE("The Delaunay rule fills holes as CGAL triangulates them") {
@@ -205,18 +214,18 @@ TEST_CASE("The Delaunay rule fills holes as CGAL triangulates them") {
 TEST_CASE(
     "A terrain built by heights and Delaunay has Delaunay cuts within their errors of height") {
   const TriangleMesh input = MakeDelaunayTerrain(1800, 6);
-  const BuiltObject built = Build(input, OnIntegers(), std::make_unique<TerrainDecimator>);
+  const BuiltObject built = BuildWith(std::make_unique<TerrainDecimator>, input, OnIntegers());
   CheckCuts(input, built, RequireDelaunay);
 }
 
 TEST_CASE("Measure and rule are free to be combined") {
   const TriangleMesh input = MakeDelaunayTerrain(1200, 7);
   const BuiltObject built =
-      Build(input, OnIntegers(), std::make_unique<Decimator<VerticalMeasure, FreeFilling>>);
+      BuildWith(std::make_unique<Decimator<VerticalMeasure, FreeFilling>>, input, OnIntegers());
   CheckCuts(input, built, [](const TriangleMesh&) {});
   // The other way round the cuts are Delaunay, and within their two-sided distance.
   const BuiltObject other =
-      Build(input, OnIntegers(), std::make_unique<Decimator<SurfaceDistance, DelaunayFilling>>);
+      BuildWith(std::make_unique<Decimator<SurfaceDistance, DelaunayFilling>>, input, OnIntegers());
   REQUIRE(other.record.error_measure == ErrorMeasure::kTwoSidedDistance);
   REQUIRE(other.record.nodes > 500);
 }

@@ -132,7 +132,7 @@ struct Parts {
   Deadlines deadlines;
   Decisions decisions;
   Strength strength;
-  Removal removal;
+  NodeRemoval removal;
   Insertion insertion;
 };
 

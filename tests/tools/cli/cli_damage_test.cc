@@ -211,7 +211,7 @@ TEST_CASE("a flipped byte is reported or harmless, and never gives a wrong mesh"
     if (verify.out.empty()) {
       CHECK(IsOneLine(verify.err));
     } else {
-      const Json json = Json::parse(verify.out);
+      const Json json = ParseJson(verify.out);
       CHECK(json.at("ok") == ok);
       CHECK(json.at("failures").empty() == ok);
     }

@@ -65,7 +65,7 @@ TEST_CASE("diff says within, exceeds or undecided by its exit status", "[cli]") 
 
 TEST_CASE("diff tells the distance, where it is, and who asked", "[cli]") {
   const Pair pair;
-  const Json json = Json::parse(Run(pair.Diff({"--tolerance", "0.4", "--json"})).out);
+  const Json json = ParseJson(Run(pair.Diff({"--tolerance", "0.4", "--json"})).out);
   CHECK(json.at("verdict") == "exceeds");
   REQUIRE(json.at("b_to_a").at("places").size() == 1);
   const Json& place = json.at("b_to_a").at("places").at(0);
@@ -129,7 +129,7 @@ TEST_CASE("diff writes a polygon for each place, and says that it is not known w
   const Outcome outcome = Run(pair.Diff({"--tolerance", "0.4", "--geojson", file}));
   CHECK(outcome.exit_code == 3);
   CHECK_THAT(outcome.out, Catch::Contains("places.geojson: the coordinates are the object's own"));
-  const Json json = Json::parse(ReadText(file));
+  const Json json = ParseJson(ReadText(file));
   REQUIRE(json.at("features").size() == 2);
   const Json& ring = json.at("features").at(1).at("geometry").at("coordinates").at(0);
   CHECK(json.at("features").at(1).at("properties").at("of") == "b");
@@ -139,7 +139,7 @@ TEST_CASE("diff writes a polygon for each place, and says that it is not known w
   CHECK(ring.at(0).at(1) < 12);
   CHECK(ring.at(2).at(1) > 12);
   CHECK(Run(pair.Diff({"--tolerance", "0.6", "--geojson", file})).exit_code == 0);
-  CHECK(Json::parse(ReadText(file)).at("features").empty());
+  CHECK(ParseJson(ReadText(file)).at("features").empty());
   RunFails(1, pair.Diff({"--geojson", pair.folder.File("none/a.geojson")}), {"a.geojson"});
 }
 
@@ -164,7 +164,7 @@ TEST_CASE("diff --heights tells rise and fall, and the volumes of cut and fill",
   CHECK(json.at("cut_volume").at("high") <= 1e-9);
   CHECK(json.at("area_both").at("low") == Approx(400));
   CHECK(json.at("rise").at("height").at("low") == Approx(0.5));
-  CHECK(json.at("rise").at("point") == Json::parse("[7, 12, 0.5]"));
+  CHECK(json.at("rise").at("point") == ParseJson("[7, 12, 0.5]"));
   CHECK_FALSE(json.at("fall").contains("point"));
   CHECK(RunJson(diff({"--width", "0", "--window=0,0,7,20"})).at("fill_volume").at("high") < 0.17);
   CHECK(Run(diff({"--tolerance", "0.6"})).exit_code == 0);

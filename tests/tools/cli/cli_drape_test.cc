@@ -14,7 +14,7 @@ struct Glb {
     const std::string file = ReadText(path);
     uint32_t json_bytes = 0;
     std::memcpy(&json_bytes, &file.at(12), 4);
-    json = Json::parse(file.substr(20, json_bytes));
+    json = ParseJson(file.substr(20, json_bytes));
     binary = file.substr(28 + json_bytes);
     CHECK(json.at("buffers").at(0).at("byteLength") == binary.size());
   }

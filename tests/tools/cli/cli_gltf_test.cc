@@ -12,7 +12,7 @@ Json Description(const std::string& path) {
   REQUIRE(bytes.starts_with("glTF"));
   uint32_t length = 0;
   std::memcpy(&length, bytes.data() + 12, sizeof(length));
-  return Json::parse(bytes.substr(20, length));
+  return ParseJson(bytes.substr(20, length));
 }
 
 TEST_CASE("extract writes .glb with colours, normals and scalars", "[cli]") {

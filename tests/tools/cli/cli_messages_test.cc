@@ -221,7 +221,7 @@ TEST_CASE("heights that are no decimals get a step, and it is told", "[cli]") {
   CHECK(said.at("raster_input").at("height_step") == step);
   CHECK(said.at("raster_input").at("height_step_reason") == "chosen");
   CHECK(said.at("rounding_error") <= step / 2 * 1.001);
-  CHECK_THAT(said.at("notes").dump(), Catch::Contains("--height-step"));
+  CHECK_THAT(TextOf(said.at("notes")), Catch::Contains("--height-step"));
   const Json given = RunJson({"ingest", file, store, "--replace", "--height-step", "0.5"});
   CHECK(given.at("raster_input").at("height_step_reason") == "given");
 }

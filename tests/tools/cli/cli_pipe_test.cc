@@ -37,7 +37,7 @@ TEST_CASE("ingest reads standard input, a pipe, compressed or of a format withou
     const Outcome outcome = RunWith(before, ingest);
     INFO(before << "\n" << outcome.err);
     REQUIRE(outcome.exit_code == 0);
-    return Json::parse(outcome.out).at("digest");
+    return ParseJson(outcome.out).at("digest");
   };
   const Json expected = example.info.at("digest");
   CHECK(digest("cat '" + example.mesh + "' |", "") == expected);
@@ -49,7 +49,7 @@ TEST_CASE("ingest reads standard input, a pipe, compressed or of a format withou
 
   const Outcome info = RunWith("cat '" + obj + "' |", {"info", "-", "--format", "obj", "--json"});
   CHECK(info.exit_code == 0);
-  CHECK(Json::parse(info.out).at("triangles") == example.info.at("triangles"));
+  CHECK(ParseJson(info.out).at("triangles") == example.info.at("triangles"));
   const Outcome unknown = RunWith("cat '" + obj + "' |", {"info", "-"});
   CHECK(unknown.exit_code == 1);
   CHECK_THAT(unknown.err, Catch::Contains("standard input: not a mesh file"));
@@ -78,7 +78,7 @@ TEST_CASE("a query comes from standard input", "[cli]") {
   REQUIRE(outcome.exit_code == 0);
   const Json expected =
       RunJson({"extract", example.store, folder.File("b.ply"), "--error", "0.05"});
-  CHECK(Json::parse(outcome.out).at("triangles") == expected.at("triangles"));
+  CHECK(ParseJson(outcome.out).at("triangles") == expected.at("triangles"));
 }
 
 TEST_CASE("ingest reads a file compressed by gzip under the name without .gz", "[cli]") {

@@ -200,13 +200,13 @@ TEST_CASE("words and numbers as people write them", "[cli]") {
   RunFails(2, {"--versoin"}, {"did you mean '--version'"});
   for (const char* const size : {"512MB", "512M", "0.5G", "512MiB", "524288K", "536870912"}) {
     const Json query =
-        Json::parse(RunOk({"extract", e.store, out, "--max-bytes", size, "--print-query"}));
+        ParseJson(RunOk({"extract", e.store, out, "--max-bytes", size, "--print-query"}));
     INFO(size);
     CHECK(query.at("max_bytes") == 512u << 20);
   }
   for (const char* const count : {"1500", "1.5k", "1.5K", "0.0015M"}) {
     const Json query =
-        Json::parse(RunOk({"extract", e.store, out, "--triangles", count, "--print-query"}));
+        ParseJson(RunOk({"extract", e.store, out, "--triangles", count, "--print-query"}));
     INFO(count);
     CHECK(query.at("max_triangles") == 1500);
   }

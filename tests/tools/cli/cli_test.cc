@@ -364,7 +364,7 @@ TEST_CASE("a store holds many objects of any name", "[cli]") {
   const std::string store = folder.File("several.mtdb");
   const std::string mesh = folder.File("hill.ply");
   RunOk({"generate", "terrain", mesh, "--triangles", "800"});
-  CHECK(Json::parse(RunOk({"ingest", mesh, store, "--json"})).at("object") == "hill");
+  CHECK(ParseJson(RunOk({"ingest", mesh, store, "--json"})).at("object") == "hill");
   const Arguments names{"a b",
                         "Stra\xc3\x9f"
                         "e/\xe6\xbc\xa2",

@@ -35,7 +35,7 @@ TEST_CASE("ingest covers concave faces, and tells of those that cross themselves
   const std::string bow = folder.File("bow.obj");
   WriteFile(bow, "v 0 0 0\nv 4 4 0\nv 4 0 0\nv 0 4 0\nv 9 nan 9\nf 1 2 3 4\nf 1 3 2 4\n");
   const std::string crossing = RunOk({"ingest", bow, store, "--name", "b", "--json"});
-  const Json notes = Json::parse(crossing).at("notes");
+  const Json notes = ParseJson(crossing).at("notes");
   REQUIRE(notes.size() == 2);
   CHECK_THAT(notes[0].get<std::string>(),
              Catch::Contains("1 of 2 polygons have outlines that cross"));

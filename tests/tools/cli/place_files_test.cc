@@ -47,13 +47,13 @@ TEST_CASE("places are polygons in GeoJSON, with what is known of them", "[cli]")
   std::string note;
   REQUIRE(WritePlacesGeoJson(path, "EPSG:25832", TwoPlaces(), &note).ok());
   CHECK(note.empty());
-  const Json json = Json::parse(ReadText(path));
+  const Json json = ParseJson(ReadText(path));
   CHECK(json.at("type") == "FeatureCollection");
-  CHECK(json.at("crs") == Json::parse(R"({"type": "name", "properties":
+  CHECK(json.at("crs") == ParseJson(R"({"type": "name", "properties":
                                        {"name": "urn:ogc:def:crs:EPSG::25832"}})"));
   REQUIRE(json.at("features").size() == 2);
   const Json& first = json.at("features").at(0);
-  CHECK(first == Json::parse(R"({"type": "Feature",
+  CHECK(first == ParseJson(R"({"type": "Feature",
     "properties": {"of": "a", "verdict": "exceeds", "missing": true, "low": 1.5, "high": null,
                    "x": 500004, "y": 5500006, "z": 2, "min_z": 1, "max_z": 3},
     "geometry": {"type": "Polygon", "coordinates": [[[500000, 5500000], [500010, 5500000],
@@ -70,7 +70,7 @@ TEST_CASE("GeoJSON tells where its coordinates are, or a note does", "[cli]") {
   const auto written = [&](const std::string& georeference, std::string* note) {
     note->clear();
     REQUIRE(WritePlacesGeoJson(path, georeference, TwoPlaces(), note).ok());
-    return Json::parse(ReadText(path));
+    return ParseJson(ReadText(path));
   };
   std::string note;
   CHECK_FALSE(written("EPSG:4326", &note).contains("crs"));

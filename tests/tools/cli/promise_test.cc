@@ -17,7 +17,7 @@ namespace {
 
 // What a way of asking says: [error_bound, shortfall], where it says it.
 Json Said(double bound, const Shortfall& shortfall) {
-  return {bound, Json::parse(ShortfallJson(shortfall).Text())};
+  return {bound, ParseJson(ShortfallJson(shortfall).Text())};
 }
 
 Json ByC(const std::string& store, const std::string& query) {

@@ -78,8 +78,8 @@ TEST_CASE("a verb of one row does its work", "[cli]") {
   CHECK(RunToy({"count", example.store}).out == "1 objects\n");
   CHECK(RunToy({"count", example.store, "--least", "100M"}).out == "0 objects\n");
   const Outcome json = RunToy({"count", example.store, "--json"});
-  CHECK(Json::parse(json.out).at("schema") == "mtdb/count/1");
-  CHECK(Json::parse(json.out).at("objects") == 1);
+  CHECK(ParseJson(json.out).at("schema") == "mtdb/count/1");
+  CHECK(ParseJson(json.out).at("objects") == 1);
 }
 
 TEST_CASE("a verb of one row is explained, and refuses what is wrong", "[cli]") {

@@ -401,7 +401,7 @@ TEST_CASE("mtdb render drapes an image over terrains in metres and degrees", "[c
       REQUIRE(outcome.exit_code == 0);
       CheckQuarters(out);
       if (std::string(more) == "--json") {
-        const Json picture = Json::parse(outcome.out).at("picture");
+        const Json picture = ParseJson(outcome.out).at("picture");
         CHECK(picture.at("image") == folder.File(name));
         // However steep it is.
         CHECK(picture.at("up") == Json::array({0, 0, 1}));

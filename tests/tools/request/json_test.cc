@@ -81,7 +81,7 @@ TEST_CASE("every verb answers in JSON as docs/json.md has it", "[cli]") {
   const Outcome differs = Run({"diff", store, store, "--name", "t", "--other", "patch",
                                "--tolerance", "1e-6", "--reach", "0.1", "--json"});
   CHECK(differs.exit_code == 3);
-  tables.Check(Json::parse(differs.out));
+  tables.Check(ParseJson(differs.out));
   for (const char* const level : {"fast", "full", "global"}) {
     run({"verify", store, "--level", level});
   }
@@ -102,7 +102,7 @@ TEST_CASE("every verb answers in JSON as docs/json.md has it", "[cli]") {
   std::filesystem::resize_file(store, std::filesystem::file_size(store) / 2);
   const Outcome damaged = Run({"verify", store, "--json"});
   CHECK(damaged.exit_code == 1);
-  if (!damaged.out.empty()) tables.Check(Json::parse(damaged.out));
+  if (!damaged.out.empty()) tables.Check(ParseJson(damaged.out));
   // Nothing is documented that no verb says. Journals: tests/tools/cli/cli_resume_test.cc.
   for (const std::string& field : tables.NeverSeen()) {
     if (field.starts_with("journal.") || field == "mtdb/list/1.journals") continue;

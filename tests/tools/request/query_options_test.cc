@@ -11,7 +11,7 @@ TEST_CASE("Options stand for the queries that the page says", "[query][cli]") {
   const auto printed = [](Arguments options) {
     options.insert(options.begin(), {"extract", "no.mtdb", "out.ply"});
     options.push_back("--print-query");
-    return Json::parse(RunOk(options));
+    return ParseJson(RunOk(options));
   };
   const Json full = {{"threshold", "full"}};
   CHECK(printed({}) == full);
@@ -30,7 +30,7 @@ TEST_CASE("Options stand for the queries that the page says", "[query][cli]") {
       if (space == std::string::npos) break;
     }
     INFO(Join(options));
-    Json expected = Json::parse(page.substr(block + 8, page.find("```", block + 8) - block - 8));
+    Json expected = ParseJson(page.substr(block + 8, page.find("```", block + 8) - block - 8));
     Json found = printed(options);
     // The page leaves out what goes without saying, and shows what has no option.
     if (!expected.contains("threshold")) expected["threshold"] = "full";

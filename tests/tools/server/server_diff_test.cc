@@ -76,8 +76,8 @@ TEST_CASE("the server compares as mtdb diff does", "[server]") {
     const HttpAnswer answer = server.Ask("POST", "/diff", Body(body));
     REQUIRE(answer.status == 200);
     CHECK(answer.header("Content-Type") == "application/json");
-    const Json json = Json::parse(answer.body);
-    CHECK(WithoutWork(json) == WithoutWork(Json::parse(Run(arguments).out)));
+    const Json json = ParseJson(answer.body);
+    CHECK(WithoutWork(json) == WithoutWork(ParseJson(Run(arguments).out)));
     return json;
   };
   CHECK(same("", {}).at("verdict") == "undecided");

@@ -108,8 +108,8 @@ TEST_CASE("an object that was renamed is what it is called now", "[server]") {
     const auto tell = [&](const Json& json, const char* key) {
       told.push_back(json.value(key, "none"));
     };
-    tell(Json::parse(server.Get(path).body), "object");
-    tell(Json::parse(server.Get(path + probe).body), "object");
+    tell(ParseJson(server.Get(path).body), "object");
+    tell(ParseJson(server.Get(path + probe).body), "object");
     tell(RawSession(server.port(), path + "/session").ReceiveText().at("hello"), "object");
     const std::string packed = folder.File("packed.mtdbp");
     std::ofstream(packed, std::ios::binary) << server.Get(path + "/packed").body;

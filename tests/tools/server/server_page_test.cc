@@ -28,7 +28,7 @@ TEST_CASE("the server probes as mtdb probe does", "[server]") {
     const HttpAnswer answer = server.Get(target);
     REQUIRE(answer.status == 200);
     CHECK(answer.header("Content-Type") == "application/json");
-    const Json json = Json::parse(answer.body);
+    const Json json = ParseJson(answer.body);
     CHECK(WithoutWork(json) == WithoutWork(RunJson(arguments)));
     return json;
   };

@@ -118,7 +118,7 @@ std::string RandomQuery(std::mt19937& random) {
   } else {
     query["threshold"] = {{"relative", error}};
   }
-  return query.dump();
+  return TextOf(query);
 }
 
 TEST_CASE("a session's client has the mesh that extract gives, query after query", "[server]") {
