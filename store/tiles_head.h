@@ -46,6 +46,7 @@ struct TileEntry {
 inline constexpr uint64_t kTileEntryBytes = 8;
 Bytes EncodeTileIndex(std::span<const TileEntry> tiles, uint32_t level);
 
+inline constexpr uint64_t kMostTiles = uint64_t{1} << 24;
 // What ends a head and an index.
 inline constexpr size_t kTileChecksumBytes = 8;
 uint64_t TileIndexSeed(uint32_t level);

@@ -183,12 +183,13 @@ class StoreVerifier {
     for (uint32_t file = 0; file < files; ++file) {
       parts += PartsOfPage(record.texture->file(file).bytes);
     }
+    const size_t failures = report_->failures.size();
     CheckCount(place + ": values of its texture", parts, Table::kTextures, record.id);
     for (uint32_t file = 0; file < files; ++file) {
       if (const Status status = CheckTextureFile(record, file, place); !status.ok()) Fail(status);
       if (Stopped()) return;
     }
-    if (!record.texture) return;
+    if (!record.texture || report_->failures.size() != failures) return;
     Checked(record.name + ": checksums of " + std::to_string(files - 1) +
             (files == 2 ? " page" : " pages") + " of its texture, and of its tiles");
   }

@@ -18,6 +18,11 @@ namespace mtdb::internal {
 namespace {
 
 constexpr int kQuality = 90;
+// Of an image that is not in rows; the same for all builds, so that what is stored does not depend
+// on their memory.
+constexpr uint64_t kMostAtOnce = uint64_t{208} << 20;
+// Palettes and the like, of which each pixel counts.
+constexpr uint32_t kSmallPage = 256;
 
 // Of sRGB, to light and back, in steps of 1/65535.
 class LightTables {
@@ -79,15 +84,20 @@ class TileMaker::PageLevel {
       : number(level),
         width(page.width_of(level)),
         height(page.height_of(level)),
+        kind(page.kind),
         channels(bytes_a_pixel),
         row(width * channels) {}
 
   const uint32_t number, width, height;
+  const TiledPage::Kind kind;
   const size_t channels;
   std::vector<uint8_t> row;  // the next one, to be filled before Take()
 
   // The row is there.
   void Take() {
+    if (strip_.capacity() == 0) {
+      strip_.reserve(std::min(height, kTileSide + 2 * kTileMargin) * row.size());
+    }
     strip_.insert(strip_.end(), row.begin(), row.end());
     ++rows_;
   }
@@ -115,7 +125,10 @@ class TileMaker::PageLevel {
     for (uint32_t y = 0; y < h; ++y) {
       CopyRow(Clamped(top + y, height), left, w, &pixels[size_t{y} * w * channels]);
     }
-    return channels == 3 ? EncodeJpeg(w, h, pixels, kQuality) : EncodePng(w, h, 4, pixels, true);
+    if (kind == TiledPage::Kind::kPng) {
+      return EncodePng(w, h, static_cast<uint32_t>(channels), pixels, true);
+    }
+    return EncodeJpeg(w, h, pixels, kQuality, true);
   }
 
   // The two last rows, or one when the number is odd, as a row of the level after it.
@@ -210,10 +223,17 @@ Status TileMaker::ReadPage(ImageRows& rows) {
 
 Status TileMaker::AddPage(ByteSpan image) {
   pages_.emplace_back();
-  MTDB_ASSIGN_OR_RETURN(const std::unique_ptr<ImageRows> rows, ImageRows::Open(image));
-  pages_.back() =
-      TiledPage::Of(rows->width(), rows->height(),
-                    rows->channels() == 4 ? TiledPage::Kind::kPng : TiledPage::Kind::kJpeg);
+  MTDB_ASSIGN_OR_RETURN(const std::unique_ptr<ImageRows> rows, ImageRows::Open(image, kMostAtOnce));
+  const bool png = rows->channels() == 4 || std::max(rows->width(), rows->height()) <= kSmallPage;
+  pages_.back() = TiledPage::Of(rows->width(), rows->height(),
+                                png ? TiledPage::Kind::kPng : TiledPage::Kind::kJpeg);
+  for (uint32_t l = 0; l < pages_.back().levels; ++l) {
+    tiles_ += uint64_t{pages_.back().columns_of(l)} * pages_.back().rows_of(l);
+  }
+  if (tiles_ > kMostTiles) {
+    pages_.back() = {};
+    return Unsupported("the images before it have as many tiles as there may be");
+  }
   std::vector<size_t> before;
   for (const Level& level : levels_) before.push_back(level.tiles.size());
   const Status status = ReadPage(*rows);

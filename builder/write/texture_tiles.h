@@ -17,8 +17,8 @@
 namespace mtdb::internal {
 
 // Reads each image once, row by row, and makes all its levels on the way. The tiles wait in
-// temporary files. Memory: 512 rows of each level, some 4 KB a column of a page; what
-// codecs/image_file/image_rows.h says. The tiles are the same whatever the number of threads.
+// temporary files. Memory: 512 rows of each level, 3 or 4 KB a column of a page; up to 208 MiB
+// of images that are not in rows. The tiles are the same whatever the number of threads.
 class TileMaker {
  public:
   // Asked after each row of tiles; an error ends the page.
@@ -61,6 +61,7 @@ class TileMaker {
   const unsigned threads_;
   const Check check_;
   std::vector<TiledPage> pages_;
+  uint64_t tiles_ = 0;  // of all pages
   std::vector<Level> levels_;
 };
 

@@ -14,7 +14,8 @@ constexpr uint64_t kMostPixels = uint64_t{1} << 27;
 }  // namespace
 
 Result<Pixels> DecodeImage(ByteSpan file) {
-  MTDB_ASSIGN_OR_RETURN(const std::unique_ptr<ImageRows> rows, ImageRows::Open(file));
+  MTDB_ASSIGN_OR_RETURN(const std::unique_ptr<ImageRows> rows,
+                        ImageRows::Open(file, 6 * kMostPixels));
   Pixels pixels;
   pixels.width = rows->width();
   pixels.height = rows->height();

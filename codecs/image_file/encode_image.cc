@@ -22,8 +22,8 @@ struct JpegErrors {
 
 // Nothing with a destructor may live in a frame that libjpeg's errors leave. False: it failed.
 bool CodeJpeg(uint32_t width, uint32_t height, const uint8_t* pixels, int quality,
-              jpeg_compress_struct* jpeg, JpegErrors* errors, unsigned char** bytes,
-              unsigned long* size) {
+              bool whole_colours, jpeg_compress_struct* jpeg, JpegErrors* errors,
+              unsigned char** bytes, unsigned long* size) {
   if (setjmp(errors->leave) != 0) return false;
   jpeg_create_compress(jpeg);
   jpeg_mem_dest(jpeg, bytes, size);
@@ -33,6 +33,7 @@ bool CodeJpeg(uint32_t width, uint32_t height, const uint8_t* pixels, int qualit
   jpeg->in_color_space = JCS_RGB;
   jpeg_set_defaults(jpeg);
   jpeg_set_quality(jpeg, quality, TRUE);
+  if (whole_colours) jpeg->comp_info[0].h_samp_factor = jpeg->comp_info[0].v_samp_factor = 1;
   jpeg_start_compress(jpeg, TRUE);
   while (jpeg->next_scanline < jpeg->image_height) {
     const auto row = size_t{3} * jpeg->image_width * jpeg->next_scanline;
@@ -68,7 +69,7 @@ Result<Bytes> EncodePng(uint32_t width, uint32_t height, uint32_t channels,
 }
 
 Result<Bytes> EncodeJpeg(uint32_t width, uint32_t height, std::span<const uint8_t> pixels,
-                         int quality) {
+                         int quality, bool whole_colours) {
   MTDB_CHECK(width > 0 && height > 0 && pixels.size() == size_t{3} * width * height,
              "an image has three bytes a pixel");
   jpeg_compress_struct jpeg{};
@@ -79,7 +80,8 @@ Result<Bytes> EncodeJpeg(uint32_t width, uint32_t height, std::span<const uint8_
   };
   unsigned char* bytes = nullptr;
   unsigned long size = 0;
-  const bool coded = CodeJpeg(width, height, pixels.data(), quality, &jpeg, &errors, &bytes, &size);
+  const bool coded =
+      CodeJpeg(width, height, pixels.data(), quality, whole_colours, &jpeg, &errors, &bytes, &size);
   const std::unique_ptr<unsigned char, void (*)(void*)> owner(bytes, std::free);
   jpeg_destroy_compress(&jpeg);
   if (!coded) return IoError("the picture cannot be coded as JPEG");

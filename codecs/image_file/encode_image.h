@@ -15,8 +15,9 @@ namespace mtdb {
 // `fast`: some tenths larger, in a fraction of the time.
 Result<Bytes> EncodePng(uint32_t width, uint32_t height, uint32_t channels,
                         std::span<const uint8_t> pixels, bool fast = false);
-// Of three channels; quality from 1 to 100. Errors: kIoError.
+// Of three channels; quality from 1 to 100. `whole_colours`: hues are not halved, which photographs
+// do not need, but neighbours of different colours do. Errors: kIoError.
 Result<Bytes> EncodeJpeg(uint32_t width, uint32_t height, std::span<const uint8_t> pixels,
-                         int quality);
+                         int quality, bool whole_colours = false);
 
 }  // namespace mtdb

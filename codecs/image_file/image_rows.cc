@@ -17,30 +17,31 @@ namespace mtdb {
 
 namespace {
 
-constexpr uint32_t kMostSide = 1 << 20;
-// Of images that are not in rows.
-constexpr uint64_t kMostPixelsAtOnce = uint64_t{1} << 27;
+constexpr uint32_t kMostSide = 65536;
+constexpr uint64_t kMostPixels = uint64_t{1} << 30;
 
-Status CheckSize(uint64_t width, uint64_t height, bool in_rows) {
+// `at_once`: bytes that are in memory together; 0 of an image in rows.
+Status CheckSize(uint64_t width, uint64_t height, uint64_t at_once, uint64_t most_at_once) {
   const std::string size = std::to_string(width) + " x " + std::to_string(height) + " pixels";
-  if (width > kMostSide || height > kMostSide) {
+  if (width > kMostSide || height > kMostSide || width * height > kMostPixels) {
     return Unsupported("the image has " + size + "; at most " + std::to_string(kMostSide) +
-                       " are read on a side");
+                       " on a side, and " + std::to_string(kMostPixels) + " in all, are read");
   }
-  if (!in_rows && width * height > kMostPixelsAtOnce) {
-    return Unsupported("the image has " + size + " and is interlaced or progressive; at most " +
-                       std::to_string(kMostPixelsAtOnce) +
-                       " are read of such: write it without that");
+  if (at_once > most_at_once) {
+    return Unsupported("the image has " + size + " and is interlaced or progressive, so that " +
+                       std::to_string(at_once >> 20) + " MiB would be in memory at once; at most " +
+                       std::to_string(most_at_once >> 20) + " are: write it without that");
   }
   return Status::Ok();
 }
 
 class JpegRows final : public ImageRows {
  public:
-  static Result<std::unique_ptr<ImageRows>> Open(ByteSpan file) {
+  static Result<std::unique_ptr<ImageRows>> Open(ByteSpan file, uint64_t most_at_once) {
     MTDB_ASSIGN_OR_RETURN(std::unique_ptr<internal::JpegReader> reader,
                           internal::JpegReader::Open(file));
-    MTDB_RETURN_IF_ERROR(CheckSize(reader->width(), reader->height(), reader->sequential()));
+    MTDB_RETURN_IF_ERROR(
+        CheckSize(reader->width(), reader->height(), reader->bytes_at_once(), most_at_once));
     return std::unique_ptr<ImageRows>(new JpegRows(std::move(reader)));
   }
   Status ReadRow(uint8_t* row) override { return reader_->ReadRow(false, row); }
@@ -110,7 +111,7 @@ bool ReadPngImage(PngState* state, png_bytepp rows) {
 
 class PngRows final : public ImageRows {
  public:
-  static Result<std::unique_ptr<ImageRows>> Open(ByteSpan file) {
+  static Result<std::unique_ptr<ImageRows>> Open(ByteSpan file, uint64_t most_at_once) {
     std::unique_ptr<PngRows> rows(new PngRows);
     PngState& s = rows->state_;
     s.file = file;
@@ -124,7 +125,9 @@ class PngRows final : public ImageRows {
     rows->height_ = png_get_image_height(s.png, s.info);
     rows->channels_ = png_get_channels(s.png, s.info);
     rows->interlaced_ = png_get_interlace_type(s.png, s.info) != PNG_INTERLACE_NONE;
-    MTDB_RETURN_IF_ERROR(CheckSize(rows->width_, rows->height_, !rows->interlaced_));
+    const uint64_t pixels = uint64_t{rows->width_} * rows->height_;
+    MTDB_RETURN_IF_ERROR(CheckSize(rows->width_, rows->height_,
+                                   rows->interlaced_ ? pixels * rows->channels_ : 0, most_at_once));
     if (rows->channels_ != 3 && rows->channels_ != 4) {
       return BadInput("the PNG file cannot be read: it has " + std::to_string(rows->channels_) +
                       " channels");
@@ -160,13 +163,13 @@ class PngRows final : public ImageRows {
 
 }  // namespace
 
-Result<std::unique_ptr<ImageRows>> ImageRows::Open(ByteSpan file) {
+Result<std::unique_ptr<ImageRows>> ImageRows::Open(ByteSpan file, uint64_t most_at_once) {
   const auto begins = [&](std::string_view with) {
     return file.size() >= with.size() && std::memcmp(file.data(), with.data(), with.size()) == 0;
   };
   return CatchOutOfMemory([&]() -> Result<std::unique_ptr<ImageRows>> {
-    if (begins("\x89PNG")) return PngRows::Open(file);
-    if (begins("\xff\xd8")) return JpegRows::Open(file);
+    if (begins("\x89PNG")) return PngRows::Open(file, most_at_once);
+    if (begins("\xff\xd8")) return JpegRows::Open(file, most_at_once);
     return BadInput("the image is neither a PNG nor a JPEG file");
   });
 }

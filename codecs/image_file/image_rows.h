@@ -11,13 +11,14 @@
 namespace mtdb {
 
 // Reads PNG (of any kind) and JPEG (grey, YCbCr, RGB). Takes the memory of a few rows; of images
-// whose file has not one row after the other (interlaced PNG, progressive JPEG) up to six bytes for
-// each pixel. One thread.
+// whose file has not one row after the other (interlaced PNG, progressive JPEG) two to six bytes
+// for each pixel. One thread.
 class ImageRows {
  public:
-  // The file's bytes must outlive it. Errors: kBadInput (neither, or damaged), kUnsupported (CMYK,
-  // too many pixels for a file that is not in rows).
-  static Result<std::unique_ptr<ImageRows>> Open(ByteSpan file);
+  // The file's bytes must outlive it. Errors: kBadInput (neither, or damaged), kUnsupported (CMYK;
+  // more than 65,536 pixels on a side, or 2^30 in all; an image that is not in rows, and would take
+  // more than `most_at_once` bytes).
+  static Result<std::unique_ptr<ImageRows>> Open(ByteSpan file, uint64_t most_at_once);
   virtual ~ImageRows() = default;
 
   uint32_t width() const { return width_; }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "codecs/image_file/jpeg_reader.h"
 
+#include <algorithm>
 #include <csetjmp>
 #include <cstdio>  // jpeglib.h needs it
 #include <jerror.h>
@@ -112,7 +113,22 @@ Result<std::unique_ptr<JpegReader>> JpegReader::Open(ByteSpan file) {
 
 uint32_t JpegReader::width() const { return state_->jpeg.image_width; }
 uint32_t JpegReader::height() const { return state_->jpeg.image_height; }
-bool JpegReader::sequential() const { return jpeg_has_multiple_scans(&state_->jpeg) == FALSE; }
+uint64_t JpegReader::bytes_at_once() const {
+  jpeg_decompress_struct& jpeg = state_->jpeg;
+  if (jpeg_has_multiple_scans(&jpeg) == FALSE) return 0;
+  int h = 1, v = 1;
+  for (int c = 0; c < jpeg.num_components; ++c) {
+    h = std::max(h, jpeg.comp_info[c].h_samp_factor);
+    v = std::max(v, jpeg.comp_info[c].v_samp_factor);
+  }
+  uint64_t bytes = 0;  // two a coefficient
+  for (int c = 0; c < jpeg.num_components; ++c) {
+    const auto part = static_cast<uint64_t>(jpeg.comp_info[c].h_samp_factor) *
+                      static_cast<uint64_t>(jpeg.comp_info[c].v_samp_factor);
+    bytes += 2 * uint64_t{width()} * height() * part / static_cast<uint64_t>(h * v);
+  }
+  return bytes;
+}
 
 Status JpegReader::ReadRow(bool alpha, uint8_t* row) {
   State& s = *state_;

@@ -20,8 +20,8 @@ class JpegReader {
 
   uint32_t width() const;
   uint32_t height() const;
-  // Whether the file has its rows one after the other.
-  bool sequential() const;
+  // That it takes of a file that has not its rows one after the other; 0 of others.
+  uint64_t bytes_at_once() const;
   // The next row, from the top: red, green, blue of each pixel, or with alpha four bytes, the last
   // of them 255. The first call decides which. Errors: kBadInput, kNoMemory.
   Status ReadRow(bool alpha, uint8_t* row);

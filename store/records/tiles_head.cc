@@ -16,7 +16,6 @@ namespace {
 constexpr std::array<char, 4> kMagic{'M', 'T', 'T', 'L'};
 constexpr uint16_t kVersion = 1;
 constexpr uint32_t kMostLevels = 32;
-constexpr uint64_t kMostTiles = uint64_t{1} << 24;
 constexpr uint64_t kPageBytes = 12;
 constexpr uint64_t kLevelBytes = 16;
 
@@ -114,6 +113,10 @@ Result<TilesHead> DecodeTilesHead(ByteSpan bytes, uint64_t file_bytes, const std
   if (bytes.size() != HeadBytes(start.pages, start.levels)) {
     return DamagedTiles(where, "the head is cut off");
   }
+  ByteReader end_of(bytes.last(kTileChecksumBytes));
+  if (end_of.Get<uint64_t>() != Hash64(bytes.first(bytes.size() - kTileChecksumBytes), 'L')) {
+    return DamagedTiles(where, "the checksum of the head is wrong");
+  }
   TilesHead head;
   head.pages.resize(start.pages);
   uint32_t most = 0;
@@ -138,10 +141,6 @@ Result<TilesHead> DecodeTilesHead(ByteSpan bytes, uint64_t file_bytes, const std
       return DamagedTiles(where, "levels that do not follow each other");
     }
     end += l.bytes;
-  }
-  const auto checksum = r.Get<uint64_t>();
-  if (checksum != Hash64(bytes.first(bytes.size() - kTileChecksumBytes), 'L')) {
-    return DamagedTiles(where, "the checksum of the head is wrong");
   }
   if (most != start.levels || end != file_bytes) return DamagedTiles(where, "impossible levels");
   uint64_t tiles = 0;

@@ -47,7 +47,7 @@ std::shared_ptr<const TextureTiles> Opened(const Bytes& file) {
 }
 
 TestImage Decoded(const Bytes& file) {
-  const auto rows = ImageRows::Open(file).value();
+  const auto rows = ImageRows::Open(file, 0).value();
   TestImage image{rows->width(), rows->height(), rows->channels(), {}};
   const size_t bytes = size_t{image.width} * image.channels;
   image.pixels.resize(bytes * image.height);
@@ -125,7 +125,7 @@ Difference DifferenceOf(const TestImage& tile, const TestImage& level, const Til
 
 void CheckPage(const TextureTiles& tiles, uint32_t page, TestImage level) {
   const TiledPage& p = tiles.pages()[page];
-  const bool lossless = level.channels == 4;
+  const bool lossless = level.channels == 4 || std::max(level.width, level.height) <= 256;
   REQUIRE(p == TiledPage::Of(level.width, level.height,
                              lossless ? TiledPage::Kind::kPng : TiledPage::Kind::kJpeg));
   for (uint32_t l = 0; l < p.levels; ++l) {
@@ -153,7 +153,7 @@ void CheckPage(const TextureTiles& tiles, uint32_t page, TestImage level) {
 
 TEST_CASE("tiles are squares of the page and of its halves in linear light, with margins") {
   const std::vector<std::pair<uint32_t, uint32_t>> sizes{
-      {1, 1}, {120, 121}, {505, 3}, {3, 1013}, {504, 504}, {1008, 506}, {1013, 999}};
+      {1, 1}, {250, 256}, {505, 3}, {3, 1013}, {504, 504}, {1008, 506}, {1013, 999}};
   std::vector<Bytes> images;
   std::vector<TestImage> truth;
   for (const auto& [width, height] : sizes) {

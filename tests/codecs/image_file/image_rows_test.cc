@@ -13,7 +13,7 @@ namespace mtdb::testing {
 namespace {
 
 Result<TestImage> ReadRows(const Bytes& file) {
-  MTDB_ASSIGN_OR_RETURN(const std::unique_ptr<ImageRows> rows, ImageRows::Open(file));
+  MTDB_ASSIGN_OR_RETURN(const std::unique_ptr<ImageRows> rows, ImageRows::Open(file, 1 << 20));
   TestImage image{rows->width(), rows->height(), rows->channels(), {}};
   const size_t bytes = size_t{image.width} * image.channels;
   image.pixels.resize(bytes * image.height);
@@ -93,6 +93,23 @@ TEST_CASE("an image that is cut off or changed is refused or read, and nothing e
     }
   }
   CHECK(ReadRows({}).status().code() == StatusCode::kBadInput);
+}
+
+TEST_CASE("an image that would take too much memory is refused before it is read") {
+  const TestImage image = WavyImage(64, 64, 3, 2);
+  // In rows: none at once. Interlaced: its pixels. Progressive: two bytes a coefficient, of which
+  // colours have a quarter.
+  const std::vector<std::pair<Bytes, uint64_t>> files{{PngOf(image), 0},
+                                                      {JpegOf(image, 90), 0},
+                                                      {PngOf(image, {8, false, true}), 3 * 64 * 64},
+                                                      {JpegOf(image, 90, true), 3 * 64 * 64}};
+  for (const auto& [file, bytes] : files) {
+    CHECK(ImageRows::Open(file, bytes).ok());
+    if (bytes == 0) continue;
+    CHECK(ImageRows::Open(file, bytes - 1).status().code() == StatusCode::kUnsupported);
+  }
+  const TestImage wide{65537, 1, 3, std::vector<uint8_t>(3 * 65537)};
+  CHECK(ImageRows::Open(PngOf(wide), 1 << 30).status().code() == StatusCode::kUnsupported);
 }
 
 TEST_CASE("what is encoded comes back") {

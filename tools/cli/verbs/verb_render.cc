@@ -13,6 +13,7 @@
 #include "tools/cli/query_report.h"
 #include "tools/cli/verbs.h"
 #include "tools/cli/verbs/drape.h"
+#include "tools/client/printable.h"
 #include "tools/render/render.h"
 #include "tools/render/view.h"
 #include "tools/request/arguments.h"
@@ -156,6 +157,19 @@ Json PictureJson(const QueryArguments& arguments, const RenderOptions& options,
           {"colour_range", image.range ? Json(*image.range) : Json()}};
 }
 
+// Of images of the texture that are not in the picture, for people; empty: all are.
+std::string UndrawnText(const ObjectRecord& record, const TextureTiles* tiles) {
+  size_t count = 0, first = 0, pages = record.texture ? record.texture->pages.size() : 0;
+  for (size_t i = 0; i < pages; ++i) {
+    if (tiles != nullptr && tiles->pages()[i].levels > 0) continue;
+    if (count++ == 0) first = i;
+  }
+  if (count == 0) return "";
+  return "  " + std::to_string(count) + " of " + Counted(pages, "image", "images") +
+         " of the texture cannot be drawn: " + Printable(record.texture->pages[first].name) +
+         (count > 1 ? ", ...\n" : "\n");
+}
+
 Status Render(const QueryArguments& arguments) {
   const Clock::time_point begin = Clock::now();
   MTDB_ASSIGN_OR_RETURN(const Json json, QueryOf(arguments.query, arguments.size));
@@ -204,6 +218,9 @@ Status Render(const QueryArguments& arguments) {
   report.write_seconds = SecondsSince(drawn);
   report.total_seconds = SecondsSince(begin);
   report.picture = PictureJson(arguments, options, image);
+  if (options.colour == ColourBy::kOwn) {
+    report.remarks = UndrawnText(surface->record(), options.texture.get());
+  }
   if (image.range) report.remarks = ColourText(options, *image.range, reference_stats);
   PrintQueryReport(arguments, report);
   return Status::Ok();

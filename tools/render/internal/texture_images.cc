@@ -14,7 +14,8 @@ namespace {
 constexpr uint64_t kMostDecoded = uint64_t{256} << 20;
 
 // A coordinate that repeats itself, in parts of the page.
-double Wrapped(double x) { return x - std::floor(x); }
+// The edge at 1 is not the one at 0.
+double Wrapped(double x) { return x >= 0 && x <= 1 ? x : x - std::floor(x); }
 
 }  // namespace
 
