@@ -100,12 +100,12 @@ export const settled = page =>
   );
 
 const distance = (a, b) => Math.hypot(...a.map((x, k) => x - b[k]));
-async function compare(page, {margin = 0.12, spared = 0.01, least = 150, z = () => true} = {}) {
+async function compare(page, {margin = 0.12, spared = 0.01, least = 50, z = () => true} = {}) {
   await exact(page);
   await settled(page);
   const now = await picture(page),
     places = [];
-  for (let y = 12; y < 590; y += 13) for (let x = 11; x < 790; x += 17) places.push([x, y]);
+  for (let y = 12; y < 590; y += 23) for (let x = 11; x < 790; x += 29) places.push([x, y]);
   const hits = await page.evaluate(async all => {
     const found = [];
     while (found.length < all.length)
@@ -146,13 +146,14 @@ async function change(page) {
   const triangles = () => page.evaluate(() => viewer.scene.total(o => o.mesh.triangles)),
     all = await triangles();
   await page.evaluate(() => ((viewer.scene.pixels = 8), viewer.scene.restart()));
-  await compare(page, {margin: 0.25, spared: 0.03, least: 60});
+  await compare(page, {margin: 0.25, spared: 0.03, least: 20});
   check((await triangles()) < all / 4, `${await triangles()} of ${all} triangles`);
   await page.evaluate(() => viewer.look.restyle({wireframe: true}));
-  await compare(page, {margin: 0.25, spared: 0.5, least: 60}); // edges are over it
+  await compare(page, {margin: 0.25, spared: 0.5, least: 20}); // edges are over it
+  await page.evaluate(() => viewer.look.restyle({wireframe: false}));
   await page.evaluate(() => ((viewer.scene.pixels = 0.5), viewer.scene.restart()));
   await compare(page);
-  await page.evaluate(() => viewer.look.restyle({shading: 'flat', wireframe: false}));
+  await page.evaluate(() => viewer.look.restyle({shading: 'flat'}));
   await compare(page);
   // Other colours in between.
   for (const colour of ['cluster', 'plain']) {
@@ -256,7 +257,7 @@ test('textures: regions, edges, pictures, and a card that was reset', async () =
   await compare(page, {
     margin: 0.15,
     spared: 0.03,
-    least: 60,
+    least: 20,
     z: ([x, y]) => Math.hypot(x - 1.2, y - 0.5) < 0.75,
   });
   await page.evaluate(() => document.querySelectorAll('details').forEach(d => (d.open = true)));
