@@ -226,6 +226,46 @@ def test_a_mesh_is_what_its_arrays_are(tmp_path: Path) -> None:
     assert list(db) == ["a"]
 
 
+def test_a_textured_mesh_has_its_corners_and_images(tmp_path: Path) -> None:
+    n = 9
+    lines = ["mtllib a.mtl"]
+    at = [(x, y) for y in range(n) for x in range(n)]
+    lines += [f"v {x} {y} {0.1 * x * y}" for x, y in at] + [f"vt {x / 8} {y / 16}" for x, y in at]
+    for page in range(2):
+        lines.append(f"usemtl m{page}")
+        for y in range(n - 1):
+            for x in range(4 * page, 4 * page + 4):
+                a, b, c, d = (1 + (y + j) * n + x + i for j, i in ((0, 0), (0, 1), (1, 1), (1, 0)))
+                lines += [f"f {a}/{a} {b}/{b} {c}/{c}", f"f {a}/{a} {c}/{c} {d}/{d}"]
+    (tmp_path / "a.obj").write_text("\n".join(lines) + "\n")
+    (tmp_path / "a.mtl").write_text("newmtl m0\nmap_Kd a.jpg\nnewmtl m1\nmap_Kd b.jpg\n")
+    images = [b"\xff\xd8 no image" * 30000, b"another"]
+    for name, image in zip(("a.jpg", "b.jpg"), images):
+        (tmp_path / name).write_bytes(image)
+    db = mtdb.open(tmp_path / "a.mtdb", create=True)
+    db.ingest(tmp_path / "a.obj", name="a")
+    pages = db["a"].info["texture"]["pages"]
+    assert [page["name"] for page in pages] == ["a.jpg", "b.jpg"]
+    for i, image in enumerate(images):
+        assert db["a"].read_page(i) == image
+    with pytest.raises(mtdb.NotFound, match="no page 2"):
+        db["a"].read_page(2)
+    for mesh in (db["a"].extract(), db["a"].extract(dtype=np.float32)):
+        assert mesh.corners is not None and mesh.pages is not None
+        assert mesh.corners.shape == (128, 3, 2) and mesh.corners.dtype == np.float32
+        expected = (mesh.vertices + mesh.origin)[mesh.faces][:, :, :2] / [8, 16]
+        assert np.allclose(mesh.corners, expected, atol=1e-4)
+        assert (mesh.pages == (mesh.corners[:, :, 0].mean(axis=1) > 0.5)).all()
+        assert not mesh.corners.flags.writeable
+        again = pickle.loads(pickle.dumps(mesh))
+        assert (again.corners == mesh.corners).all() and (again.pages == mesh.pages).all()
+    vertices, faces, _ = hills(5)
+    db.ingest(vertices, faces, name="plain")
+    assert db["plain"].extract().corners is None and mtdb.Mesh(vertices, faces).pages is None
+    with pytest.raises(mtdb.NotFound, match="has 0"):
+        db["plain"].read_page(0)
+
+
 def test_chunks_must_agree_and_their_errors_arrive(tmp_path: Path) -> None:
     vertices, faces, attributes = hills(12)
     db = mtdb.open(tmp_path / "a.mtdb", create=True)

@@ -17,6 +17,7 @@ namespace mtdb::internal {
 
 namespace {
 
+static_assert(TextureCorner::kNoPage == MTDB_NO_PAGE);
 constexpr size_t kBlock = size_t{1} << 16;
 
 // Fills a mesh whose size is known.
@@ -51,6 +52,15 @@ class MeshFiller final : public MeshSink {
     }
     return Status::Ok();
   }
+  Status AddCorners(std::span<const TextureCorner> corners) override {
+    for (size_t i = 0; i < corners.size(); ++i) {
+      mesh_->corners.get()[2 * corner_] = corners[i].u;
+      mesh_->corners.get()[2 * corner_ + 1] = corners[i].v;
+      if (corner_ % 3 == 0) mesh_->pages.get()[corner_ / 3] = corners[i].page;
+      ++corner_;
+    }
+    return Status::Ok();
+  }
   Status End() override { return Status::Ok(); }
 
  private:
@@ -59,6 +69,7 @@ class MeshFiller final : public MeshSink {
   size_t row_bytes_ = 0;
   uint64_t vertex_ = 0;
   uint64_t index_ = 0;
+  uint64_t corner_ = 0;
 };
 
 // Reads a part's positions as doubles, block after block.
@@ -149,6 +160,10 @@ Result<std::unique_ptr<mtdb_mesh>> MakeMesh(const MeshHeader& header, const doub
   }
   mesh->indices.Resize(3 * mesh->triangles);
   mesh->rows.Resize(mesh->vertices * header.attributes.row_bytes());
+  if (header.textured) {
+    mesh->corners.Resize(6 * mesh->triangles);
+    mesh->pages.Resize(mesh->triangles);
+  }
   return mesh;
 }
 
@@ -267,6 +282,8 @@ mtdb_code mtdb_view_mesh(const mtdb_mesh* mesh, mtdb_mesh_view* view, mtdb_error
     filled.rows = mesh->rows.get();
     filled.row_bytes = static_cast<uint32_t>(mesh->attributes.row_bytes());
     filled.attributes = static_cast<uint32_t>(mesh->attributes.attributes.size());
+    filled.corners = mesh->corners.get();
+    filled.pages = mesh->pages.get();
     return mtdb::internal::PutStruct(filled, "view", view);
   });
 }

@@ -164,6 +164,15 @@ typedef struct mtdb_info {
 MTDB_API mtdb_code mtdb_get_object_info(const mtdb_object* object, mtdb_info* info,
                                         mtdb_error* error);
 
+/* Takes bytes, and returns 0; anything else stops. */
+typedef int (*mtdb_receive)(void* user, const unsigned char* bytes, size_t size);
+/* Hands out the image file of a page of the object's texture, as it came, in parts; nothing when the
+ * store has none. The pages' names, types and sizes are in the JSON of the object ("texture").
+ * MTDB_NOT_FOUND: no such page. The bytes are checked at their end: they count when the call
+ * succeeds. */
+MTDB_API mtdb_code mtdb_read_page(const mtdb_object* object, uint32_t page, mtdb_receive receive,
+                                  void* user, mtdb_error* error);
+
 typedef enum mtdb_scalar MTDB_INT {
   MTDB_INT8 = 0,
   MTDB_UINT8 = 1,
@@ -318,6 +327,8 @@ MTDB_API mtdb_code mtdb_emit_cut(mtdb_cut* cut, const mtdb_sink* sink, mtdb_erro
  * do not change: many threads may use one. */
 typedef struct mtdb_mesh mtdb_mesh;
 
+#define MTDB_NO_PAGE 0xffffffffu /* of a triangle without an image */
+
 typedef struct mtdb_mesh_view {
   size_t struct_bytes;
   uint64_t vertices;
@@ -329,8 +340,14 @@ typedef struct mtdb_mesh_view {
   const unsigned char* rows; /* vertices * row_bytes: attributes; NULL when row_bytes is 0 */
   uint32_t row_bytes;
   uint32_t attributes; /* how many: mtdb_get_mesh_attribute */
+  /* Of textured objects; NULL of others, and of meshes of files: where corners of triangles lie in
+   * an image, triangles * 6: u and v of each, in the order of indices. u goes to the right and v up,
+   * from 0 to 1 across the image; values beyond repeat it */
+  const float* corners;
+  const uint32_t* pages; /* likewise triangles: which image (mtdb_read_page), or MTDB_NO_PAGE */
 } mtdb_mesh_view;
-/* Takes the cut's mesh into memory: 24 bytes a vertex and its row, 12 a triangle. With an `origin`
+/* Takes the cut's mesh into memory: 24 bytes a vertex and its row, 12 a triangle, 28 more where it
+ * has a texture. With an `origin`
  * positions are floats less that origin, 12 bytes a vertex; NULL: doubles. MTDB_INVALID_ARGUMENT
  * when there are more than 2^32 vertices. */
 MTDB_API mtdb_code mtdb_get_cut_mesh(mtdb_cut* cut, const double* origin, mtdb_mesh** mesh,

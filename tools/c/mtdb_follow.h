@@ -39,9 +39,6 @@ typedef struct mtdb_update {
   double shortfall_bounds_max[3];
 } mtdb_update;
 
-/* Takes bytes, and returns 0; anything else stops. */
-typedef int (*mtdb_receive)(void* user, const unsigned char* bytes, size_t size);
-
 typedef struct mtdb_session_options {
   size_t struct_bytes;
   uint32_t remembered_vertices; /* how many removed vertices the client keeps, so that they need not

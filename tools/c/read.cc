@@ -9,6 +9,7 @@
 #include "query/query_json.h"
 #include "query/verify_object.h"
 #include "store/base/redact.h"
+#include "store/texture_pages.h"
 #include "store/verify_store.h"
 #include "tools/c/internal/handles.h"
 #include "tools/c/internal/watch.h"
@@ -269,6 +270,25 @@ mtdb_code mtdb_get_object_attribute(const mtdb_object* object, uint32_t i,
   return Guarded(error, [&]() -> Status {
     MTDB_RETURN_IF_ERROR(NeedAll({{object, "object"}}));
     return mtdb::internal::PutAttribute(object->surface->record().attributes, i, attribute);
+  });
+}
+
+mtdb_code mtdb_read_page(const mtdb_object* object, uint32_t page, mtdb_receive receive, void* user,
+                         mtdb_error* error) {
+  return Guarded(error, [&]() -> Status {
+    MTDB_RETURN_IF_ERROR(NeedAll({{object, "object"}}));
+    if (receive == nullptr) return InvalidArgument("receive: is NULL");
+    const mtdb::ObjectRecord& record = object->surface->record();
+    const size_t pages = record.texture ? record.texture->pages.size() : 0;
+    if (page >= pages) {
+      return mtdb::NotFound("object " + record.name + ": no page " + std::to_string(page) +
+                            " of its texture, it has " + std::to_string(pages));
+    }
+    return mtdb::ReadTextureFile(*object->surface->source(), page, [&](mtdb::ByteSpan part) {
+      const auto* const bytes = reinterpret_cast<const unsigned char*>(part.data());
+      if (receive(user, bytes, part.size()) == 0) return Status::Ok();
+      return Status(mtdb::StatusCode::kCancelled, "stopped by the receiver");
+    });
   });
 }
 

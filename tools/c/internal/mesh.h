@@ -45,6 +45,8 @@ struct mtdb_mesh {
   double position_step = 0;  // MeshHeader's
   mtdb::internal::Filled<uint32_t> indices;
   mtdb::internal::Filled<unsigned char> rows;
+  mtdb::internal::Filled<float> corners;   // of textured objects: see mtdb_mesh_view
+  mtdb::internal::Filled<uint32_t> pages;  // likewise
 };
 
 namespace mtdb::internal {

@@ -118,6 +118,28 @@ class Object:
         made: dict[str, Any] = L.json_of("get_object_json", self._handle)
         return made
 
+    def read_page(self, page: int) -> bytes:
+        """The image file of a page of its texture, as it came; empty when the store has none. What
+        pages there are, and of which type: `info["texture"]["pages"]`."""
+        parts: list[bytes] = []
+        raised: list[BaseException] = []
+
+        def receive(_user: Any, address: int, size: int) -> int:
+            try:
+                parts.append(C.string_at(address, size))
+                return 0
+            except BaseException as error:  # no memory, Ctrl-C
+                raised.append(error)
+                return 1
+
+        try:
+            L.call("read_page", self._handle, page, L.ReceiveFunction(receive), None)
+        except Exception:
+            if raised:
+                raise raised[0] from None
+            raise
+        return b"".join(parts)
+
     @property
     def digest(self) -> str:
         """32 hexadecimal digits over content; equal for equal meshes that were ingested alike."""

@@ -157,6 +157,9 @@ class Mesh:
     vertices: (n, 3) float64, in the object's units; or float32, less `origin`.
     faces: (m, 3) int32, counter-clockwise from outside.
     attributes: by name, (n,) each.
+    corners: of textured objects, (m, 3, 2) float32: u and v of the corners of `faces`; None of
+        others. u goes to the right and v up, from 0 to 1 across an image.
+    pages: likewise (m,) uint32: which image, of `Object.read_page`; 0xffffffff: none.
     """
 
     def __init__(
@@ -180,6 +183,8 @@ class Mesh:
         self.error_bound: float = 0.0
         self.stats: Optional[ExtractStats] = None
         self.shortfall: Optional[Shortfall] = None
+        self.corners: Optional[Array] = None
+        self.pages: Optional[Array] = None
         self._normals: Optional[Array] = None
         self._colours: Optional[Array] = None
         self._handle: Optional[L.Handle] = None
@@ -201,6 +206,10 @@ class Mesh:
             mesh.vertices = view(look.positions, (n, 3), "<f8", handle)
         mesh.origin = np.array(look.origin)
         mesh.faces = view(look.indices, (m, 3), "<i4", handle)
+        mesh.corners = mesh.pages = None
+        if look.corners:
+            mesh.corners = view(look.corners, (m, 3, 2), "<f4", handle)
+            mesh.pages = view(look.pages, (m,), "<u4", handle)
         mesh.error_bound = 0.0
         mesh.stats = mesh.shortfall = None
         dtype = layout("get_mesh_attribute", handle, look.attributes, look.row_bytes)
@@ -217,8 +226,9 @@ class Mesh:
     def __getstate__(self) -> dict[str, Any]:
         """For pickle and copy: arrays of its own, which need no library."""
         state = {name: value for name, value in self.__dict__.items() if not name.startswith("_")}
-        for name in ("vertices", "faces"):
-            state[name] = np.array(state[name])
+        for name in ("vertices", "faces", "corners", "pages"):
+            if state[name] is not None:
+                state[name] = np.array(state[name])
         state["attributes"] = {name: np.array(a) for name, a in self.attributes.items()}
         return state
 
