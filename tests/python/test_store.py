@@ -239,7 +239,7 @@ def test_a_textured_mesh_has_its_corners_and_images(tmp_path: Path) -> None:
                 lines += [f"f {a}/{a} {b}/{b} {c}/{c}", f"f {a}/{a} {c}/{c} {d}/{d}"]
     (tmp_path / "a.obj").write_text("\n".join(lines) + "\n")
     (tmp_path / "a.mtl").write_text("newmtl m0\nmap_Kd a.jpg\nnewmtl m1\nmap_Kd b.jpg\n")
-    images = [b"\xff\xd8 no image" * 30000, b"another"]
+    images = [b"\xff\xd8\xff\xe0 no image" * 30000, b"\xff\xd8\xff another"]
     for name, image in zip(("a.jpg", "b.jpg"), images):
         (tmp_path / name).write_bytes(image)
     db = mtdb.open(tmp_path / "a.mtdb", create=True)

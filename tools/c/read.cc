@@ -277,7 +277,7 @@ mtdb_code mtdb_read_page(const mtdb_object* object, uint32_t page, mtdb_receive 
                          mtdb_error* error) {
   return Guarded(error, [&]() -> Status {
     MTDB_RETURN_IF_ERROR(NeedAll({{object, "object"}}));
-    if (receive == nullptr) return InvalidArgument("receive: is NULL");
+    if (receive == nullptr) return mtdb::InvalidArgument("receive: is NULL");
     const mtdb::ObjectRecord& record = object->surface->record();
     const size_t pages = record.texture ? record.texture->pages.size() : 0;
     if (page >= pages) {

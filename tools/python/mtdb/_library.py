@@ -457,7 +457,7 @@ _SIGNATURES: dict[str, list[Any]] = {
     "get_object_info": [_p, _p],
     "get_object_attribute": [_p, C.c_uint32, _p],
     "get_object_json": [_p, _p],
-    "read_page": [_p, C.c_uint32, _p, _p],
+    "read_page": [_p, C.c_uint32, ReceiveFunction, _p],
     "verify": [_p, C.c_int, _p, _p],
     "create_query": [_p, Text, _p],
     "create_control": [_p],
