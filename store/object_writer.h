@@ -34,8 +34,8 @@ class ObjectWriter {
   // Writes the index, publishes the object in the catalog, and frees the pages of the object that
   // it replaces. Returns the published record: `record`, with id, name, payload_bytes,
   // stored_bytes, index_checksum and digest filled in. kInvalidArgument when what was added is not
-  // what the record says: units, and of each file of the texture the bytes and their checksum. When `before`
-  // returns an error, nothing is published and the error is returned.
+  // what the record says: units, and of each file of the texture the bytes and their checksum. When
+  // `before` returns an error, nothing is published and the error is returned.
   virtual Result<ObjectRecord> Publish(const ObjectRecord& record,
                                        const BeforePublish& before = {}) = 0;
 };

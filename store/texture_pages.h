@@ -24,10 +24,10 @@ inline constexpr uint64_t kMostTileBytes = uint64_t{1} << 40;
 // Of all files of the texture. 0 for objects without texture.
 uint64_t TextureBytes(const ObjectRecord& record);
 
-// Reads a file of the texture (TextureRecord::file) from its beginning to its end. `take` gets it in parts of at most 16 MiB, and
-// nothing when the store has no bytes of it. The checksum is compared at the end: what was taken
-// counts only when no error is returned. Errors: those of ClusterSource::ReadTextureFile and of
-// `take`.
+// Reads a file of the texture (TextureRecord::file) from its beginning to its end. `take` gets it
+// in parts of at most 16 MiB, and nothing when the store has no bytes of it. The checksum is
+// compared at the end: what was taken counts only when no error is returned. Errors: those of
+// ClusterSource::ReadTextureFile and of `take`.
 Status ReadTextureFile(ClusterSource& source, uint32_t file,
                        const std::function<Status(ByteSpan)>& take);
 

@@ -30,8 +30,8 @@ class TextureParts {
   Status Add(uint32_t file, ByteSpan bytes);
   // Nothing more will come.
   Status Finish();
-  // After Finish(). kInvalidArgument when the record has other files, an image too many bytes, or two
-  // pages one name.
+  // After Finish(). kInvalidArgument when the record has other files, an image too many bytes, or
+  // two pages one name.
   Status Check(const ObjectRecord& record) const;
 
  private:

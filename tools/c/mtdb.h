@@ -166,8 +166,8 @@ MTDB_API mtdb_code mtdb_get_object_info(const mtdb_object* object, mtdb_info* in
 
 /* Takes bytes, and returns 0; anything else stops. */
 typedef int (*mtdb_receive)(void* user, const unsigned char* bytes, size_t size);
-/* Hands out the image file of a page of the object's texture, as it came, in parts; nothing when the
- * store has none. The pages' names, types and sizes are in the JSON of the object ("texture").
+/* Hands out the image file of a page of the object's texture, as it came, in parts; nothing when
+ * the store has none. The pages' names, types and sizes are in the JSON of the object ("texture").
  * MTDB_NOT_FOUND: no such page. The bytes are checked at their end: they count when the call
  * succeeds. */
 MTDB_API mtdb_code mtdb_read_page(const mtdb_object* object, uint32_t page, mtdb_receive receive,
@@ -341,8 +341,8 @@ typedef struct mtdb_mesh_view {
   uint32_t row_bytes;
   uint32_t attributes; /* how many: mtdb_get_mesh_attribute */
   /* Of textured objects; NULL of others, and of meshes of files: where corners of triangles lie in
-   * an image, triangles * 6: u and v of each, in the order of indices. u goes to the right and v up,
-   * from 0 to 1 across the image; values beyond repeat it */
+   * an image, triangles * 6: u and v of each, in the order of indices. u goes to the right and v
+   * up, from 0 to 1 across the image; values beyond repeat it */
   const float* corners;
   const uint32_t* pages; /* likewise triangles: which image (mtdb_read_page), or MTDB_NO_PAGE */
 } mtdb_mesh_view;
