@@ -48,8 +48,8 @@ class LightTables {
 };
 
 const LightTables& Tables() {
-  static const LightTables tables;
-  return tables;
+  static const LightTables kTables;
+  return kTables;
 }
 
 // The mean of some pixels: of opaque ones, and of those with alpha.
