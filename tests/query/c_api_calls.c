@@ -16,6 +16,12 @@ static mtdb_database* database;
 static mtdb_object* object;
 static mtdb_info info;
 
+static int take_nothing(void* user, const unsigned char* bytes, size_t size) {
+  (void)user;
+  (void)bytes;
+  return size == 0 ? 0 : 1;
+}
+
 /* Looks at the object and its file. */
 static void check_object(void) {
   mtdb_texts* names = NULL;
@@ -41,6 +47,10 @@ static void check_object(void) {
   mtdb_free_json(json);
   CHECK(mtdb_get_json_text(NULL) == NULL);
   mtdb_free_json(NULL);
+  /* The object has no texture; tests/python reads images. */
+  FAILS(MTDB_NOT_FOUND, "page 0", mtdb_read_page(object, 0, take_nothing, NULL, &error));
+  FAILS(MTDB_INVALID_ARGUMENT, "receive", mtdb_read_page(object, 0, NULL, NULL, &error));
+  FAILS(MTDB_INVALID_ARGUMENT, "object", mtdb_read_page(NULL, 0, take_nothing, NULL, &error));
   for (level = MTDB_VERIFY_FAST; level <= MTDB_VERIFY_GLOBAL; ++level) {
     OK(mtdb_verify(object, (mtdb_verify_level)level, NULL, &failures, &error));
     CHECK(mtdb_count_texts(failures) == 0);
