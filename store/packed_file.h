@@ -75,9 +75,9 @@ class PackedObjects {
   std::vector<ObjectRecord> List() const;  // in the file's order
   // Rows of the index come as they are needed. Errors: likewise, and kNotFound.
   Result<std::shared_ptr<ClusterSource>> OpenObject(const std::string& name) const;
-  // Where a file of an object's texture lies (TextureRecord::file). Errors: kNotFound, and
-  // kInvalidArgument when there is no such file.
-  Result<ByteRange> TextureFileRange(const std::string& name, uint32_t file) const;
+  // Where the files of an object's texture lie, in the order of TextureRecord::file; none of an
+  // object without texture. Errors: kNotFound.
+  Result<std::vector<ByteRange>> TextureFiles(const std::string& name) const;
 
  private:
   explicit PackedObjects(std::shared_ptr<internal::PackedFile> file) : file_(std::move(file)) {}

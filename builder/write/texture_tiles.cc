@@ -84,11 +84,12 @@ class TileMaker::PageLevel {
       : number(level),
         width(page.width_of(level)),
         height(page.height_of(level)),
+        columns(page.columns_of(level)),
         kind(page.kind),
         channels(bytes_a_pixel),
         row(width * channels) {}
 
-  const uint32_t number, width, height;
+  const uint32_t number, width, height, columns;
   const TiledPage::Kind kind;
   const size_t channels;
   std::vector<uint8_t> row;  // the next one, to be filled before Take()
@@ -114,7 +115,6 @@ class TileMaker::PageLevel {
     first_ += gone;
   }
 
-  uint32_t columns() const { return (width + kTileSide - 1) / kTileSide; }
   // Of the tiles that are there.
   Result<Bytes> Encode(uint32_t column) const {
     const uint32_t left = column * kTileSide;
@@ -177,7 +177,7 @@ TileMaker::Level& TileMaker::LevelOf(uint32_t level) {
 }
 
 Status TileMaker::PutTiles(const PageLevel& level) {
-  std::vector<std::optional<Result<Bytes>>> tiles(level.columns());
+  std::vector<std::optional<Result<Bytes>>> tiles(level.columns);
   ParallelFor(tiles.size(), threads_, [&](unsigned, size_t i) {
     tiles[i].emplace(level.Encode(static_cast<uint32_t>(i)));
   });
@@ -227,10 +227,12 @@ Status TileMaker::AddPage(ByteSpan image) {
   const bool png = rows->channels() == 4 || std::max(rows->width(), rows->height()) <= kSmallPage;
   pages_.back() = TiledPage::Of(rows->width(), rows->height(),
                                 png ? TiledPage::Kind::kPng : TiledPage::Kind::kJpeg);
+  uint64_t tiles = 0;
+  for (const Level& level : levels_) tiles += level.tiles.size();
   for (uint32_t l = 0; l < pages_.back().levels; ++l) {
-    tiles_ += uint64_t{pages_.back().columns_of(l)} * pages_.back().rows_of(l);
+    tiles += uint64_t{pages_.back().columns_of(l)} * pages_.back().rows_of(l);
   }
-  if (tiles_ > kMostTiles) {
+  if (tiles > kMostTiles) {
     pages_.back() = {};
     return Unsupported("the images before it have as many tiles as there may be");
   }

@@ -61,7 +61,6 @@ class TileMaker {
   const unsigned threads_;
   const Check check_;
   std::vector<TiledPage> pages_;
-  uint64_t tiles_ = 0;  // of all pages
   std::vector<Level> levels_;
 };
 

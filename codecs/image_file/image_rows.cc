@@ -44,7 +44,7 @@ class JpegRows final : public ImageRows {
         CheckSize(reader->width(), reader->height(), reader->bytes_at_once(), most_at_once));
     return std::unique_ptr<ImageRows>(new JpegRows(std::move(reader)));
   }
-  Status ReadRow(uint8_t* row) override { return reader_->ReadRow(false, row); }
+  Status ReadRow(uint8_t* row) override { return reader_->ReadRow(row); }
 
  private:
   explicit JpegRows(std::unique_ptr<internal::JpegReader> reader) : reader_(std::move(reader)) {

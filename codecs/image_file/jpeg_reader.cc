@@ -130,11 +130,11 @@ uint64_t JpegReader::bytes_at_once() const {
   return bytes;
 }
 
-Status JpegReader::ReadRow(bool alpha, uint8_t* row) {
+Status JpegReader::ReadRow(uint8_t* row) {
   State& s = *state_;
   bool ok = true;
   if (!std::exchange(s.begun, true)) {
-    s.jpeg.out_color_space = alpha ? JCS_EXT_RGBA : JCS_RGB;
+    s.jpeg.out_color_space = JCS_RGB;
     ok = Begin(&s.jpeg, &s.errors);
   }
   if (ok) ok = ReadOne(&s.jpeg, &s.errors, row);

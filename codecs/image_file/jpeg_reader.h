@@ -10,8 +10,8 @@
 
 namespace mtdb::internal {
 
-// Holds a few rows; of a progressive file six bytes for each of its pixels. The file's bytes must
-// outlive it. One thread.
+// Holds a few rows; of a progressive file up to six bytes for each of its pixels. The file's bytes
+// must outlive it. One thread.
 class JpegReader {
  public:
   // Errors: kBadInput, kUnsupported (CMYK).
@@ -22,9 +22,8 @@ class JpegReader {
   uint32_t height() const;
   // That it takes of a file that has not its rows one after the other; 0 of others.
   uint64_t bytes_at_once() const;
-  // The next row, from the top: red, green, blue of each pixel, or with alpha four bytes, the last
-  // of them 255. The first call decides which. Errors: kBadInput, kNoMemory.
-  Status ReadRow(bool alpha, uint8_t* row);
+  // The next row, from the top: red, green, blue of each pixel. Errors: kBadInput, kNoMemory.
+  Status ReadRow(uint8_t* row);
 
  private:
   struct State;

@@ -2,7 +2,6 @@
 #include "store/base/out_of_memory.h"
 #include "store/packed/packed_reader.h"
 #include "store/packed_file.h"
-#include "store/records/page_parts.h"
 
 namespace mtdb {
 
@@ -28,10 +27,21 @@ Result<std::shared_ptr<ClusterSource>> PackedObjects::OpenObject(const std::stri
   });
 }
 
-Result<ByteRange> PackedObjects::TextureFileRange(const std::string& name, uint32_t file) const {
-  MTDB_ASSIGN_OR_RETURN(const PackedObject* const object, file_->Find(name));
-  MTDB_RETURN_IF_ERROR(CheckFileRange(object->record, file, 0, 0, "object " + name));
-  return ByteRange{object->texture_file(file), object->record.texture->file(file).bytes};
+Result<std::vector<ByteRange>> PackedObjects::TextureFiles(const std::string& name) const {
+  return CatchOutOfMemory([&]() -> Result<std::vector<ByteRange>> {
+    MTDB_ASSIGN_OR_RETURN(const PackedObject* const object, file_->Find(name));
+    std::vector<ByteRange> files;
+    if (!object->record.texture) return files;
+    const TextureRecord& texture = *object->record.texture;
+    files.resize(texture.files());
+    uint64_t offset = object->textures;
+    for (uint32_t i = 0; i < texture.files(); ++i) {
+      const uint32_t file = TextureFileAt(texture.files(), i);
+      files[file] = {offset, texture.file(file).bytes};
+      offset += files[file].bytes;
+    }
+    return files;
+  });
 }
 
 }  // namespace mtdb

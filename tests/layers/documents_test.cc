@@ -289,6 +289,12 @@ Violations FalseTables(const Texts& texts) {
 TEST_CASE("the tables of the READMEs name each file that is there, once, and no other",
           "[layers][documents]") {
   for (const std::string& violation : FalseTables(ProjectTexts())) FAIL_CHECK(violation);
+  for (const auto& [path, text] : ProjectTexts()) {
+    // A formatter of C++ once made one paragraph of a page; its table was gone then.
+    if (NameOf(path) != "README.md") continue;
+    INFO(path);
+    CHECK(text.starts_with("# "));
+  }
   const Texts good{{"a/README.md", "| file | idea |\n|---|---|\n| x.h, `internal/y.h` | both |\n"},
                    {"a/x.h", ""},
                    {"a/internal/y.h", ""}};

@@ -70,6 +70,9 @@ class ExplicitMesh {
                                            positions_.at(t[2])}));
     }
   }
+  // The vertices of each triangle, in the order of the updates, and where these lie.
+  const std::map<TriangleKey, TriangleVertices>& triangles() const { return triangles_; }
+  Vec3i position(VertexIndex vertex) const { return positions_.at(vertex); }
   template <typename T>
   static std::array<T, 3> Smallest(const std::array<T, 3>& t) {
     return std::min({t, std::array<T, 3>{t[1], t[2], t[0]}, std::array<T, 3>{t[2], t[0], t[1]}});

@@ -164,6 +164,23 @@ TEST_CASE("any part of a file is read, and nothing beyond it", "[store]") {
   }
 }
 
+TEST_CASE("a packed file tells where the files of textures lie", "[store]") {
+  const TempDir dir;
+  const SyntheticObject object = Textured();
+  REQUIRE(WriteObject(*OpenWritable(dir.File("s.mtdb")), "one", object).ok());
+  Pack(dir.File("s.mtdb"), dir.File("p.mtdbp"));
+  const Bytes packed = ReadFile(dir.File("p.mtdbp"));
+  const auto objects = PackedObjects::Open(OpenFileRanges(dir.File("p.mtdbp")).value()).value();
+  const std::vector<ByteRange> files = objects->TextureFiles("one").value();
+  REQUIRE(files.size() == object.files.size());
+  for (size_t i = 0; i < files.size(); ++i) {
+    REQUIRE(files[i].offset + files[i].bytes <= packed.size());
+    CHECK(std::ranges::equal(ByteSpan(packed).subspan(files[i].offset, files[i].bytes),
+                             object.files[i]));
+  }
+  CHECK(objects->TextureFiles("two").status().code() == StatusCode::kNotFound);
+}
+
 TEST_CASE("the textures of an object load their files", "[store]") {
   const TempDir dir;
   const SyntheticObject object = Textured();

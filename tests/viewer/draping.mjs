@@ -2,7 +2,7 @@
 // Images over the surface: where they lie, how they are given, and what is refused.
 import {mkdirSync, readFileSync, writeFileSync} from 'node:fs';
 import {png} from './png.mjs';
-import {at, kName, picture, server, store, test} from './scene.mjs';
+import {at, kName, picture, server, store, surfaceUnder, test} from './scene.mjs';
 import {
   check,
   close,
@@ -60,20 +60,7 @@ const differing = (a, b) => {
 // what is shown without the image. A pixel at a ridge may show two cells at once.
 async function compare(page, image, before, {margin = 0.14, spared = 0.003} = {}) {
   const now = await picture(page),
-    places = [];
-  for (let y = 12; y < 590; y += 13) for (let x = 11; x < 790; x += 17) places.push([x, y]);
-  const hits = await page.evaluate(async all => {
-    const found = [];
-    while (found.length < all.length)
-      found.push(
-        ...(await Promise.all(
-          all
-            .slice(found.length, found.length + 25)
-            .map(([x, y]) => viewer.probe(x + 0.5, y + 0.5).then(hit => hit?.point)),
-        )),
-      );
-    return found;
-  }, places);
+    [places, hits] = await surfaceUnder(page, 17, 13);
   const [a, d, b, e, c, f] = image.numbers,
     found = {over: 0, beside: 0, wrong: 0},
     wrong = [];

@@ -41,6 +41,24 @@ export async function picture(page) {
   });
   return shot;
 }
+// Pixels all over the picture, so many apart, and what of the surface lies under each.
+export async function surfaceUnder(page, stepX, stepY) {
+  const places = [];
+  for (let y = 12; y < 590; y += stepY) for (let x = 11; x < 790; x += stepX) places.push([x, y]);
+  const hits = await page.evaluate(async all => {
+    const found = [];
+    while (found.length < all.length)
+      found.push(
+        ...(await Promise.all(
+          all
+            .slice(found.length, found.length + 25)
+            .map(([x, y]) => viewer.probe(x + 0.5, y + 0.5).then(hit => hit?.point)),
+        )),
+      );
+    return found;
+  }, places);
+  return [places, hits];
+}
 export const at = (shot, x, y) => [
   ...shot.data.subarray(4 * (y * shot.width + x), 4 * (y * shot.width + x) + 3),
 ];

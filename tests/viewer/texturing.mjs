@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Textured objects: each place has the colour that its page has there, at every level of detail.
 import {mkdirSync, readFileSync, writeFileSync} from 'node:fs';
-import {at, picture, test} from './scene.mjs';
+import {at, picture, surfaceUnder, test} from './scene.mjs';
 import {png} from './png.mjs';
 import {
   check,
@@ -104,20 +104,7 @@ async function compare(page, {margin = 0.12, spared = 0.01, least = 50, z = () =
   await exact(page);
   await settled(page);
   const now = await picture(page),
-    places = [];
-  for (let y = 12; y < 590; y += 23) for (let x = 11; x < 790; x += 29) places.push([x, y]);
-  const hits = await page.evaluate(async all => {
-    const found = [];
-    while (found.length < all.length)
-      found.push(
-        ...(await Promise.all(
-          all
-            .slice(found.length, found.length + 25)
-            .map(([x, y]) => viewer.probe(x + 0.5, y + 0.5).then(hit => hit?.point)),
-        )),
-      );
-    return found;
-  }, places);
+    [places, hits] = await surfaceUnder(page, 29, 23);
   const wrong = [];
   let count = 0;
   hits.forEach((point, n) => {

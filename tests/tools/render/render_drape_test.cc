@@ -1,11 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // Pictures of meshes with an image over them: each pixel has the image's colour at its place.
-#include <cstdio>
-#include <cstdlib>
 #include <functional>
-#include <jpeglib.h>
 #include <png.h>
 
+#include "tests/codecs/image_file/image_testing.h"
 #include "tests/tools/terrain_testing.h"
 #include "tools/render/render.h"
 
@@ -83,34 +81,8 @@ std::string DeepPngOf(const Image& image) {
 }
 
 std::string JpegOf(const Image& image, bool grey = false) {
-  jpeg_compress_struct jpeg{};
-  jpeg_error_mgr errors{};
-  jpeg.err = jpeg_std_error(&errors);
-  jpeg_create_compress(&jpeg);
-  unsigned char* bytes = nullptr;
-  unsigned long size = 0;
-  jpeg_mem_dest(&jpeg, &bytes, &size);
-  jpeg.image_width = image.width;
-  jpeg.image_height = image.height;
-  jpeg.input_components = grey ? 1 : 4;
-  jpeg.in_color_space = grey ? JCS_GRAYSCALE : JCS_EXT_RGBX;
-  jpeg_set_defaults(&jpeg);
-  jpeg_set_quality(&jpeg, 95, TRUE);
-  jpeg_start_compress(&jpeg, TRUE);
-  while (jpeg.next_scanline < jpeg.image_height) {
-    std::vector<uint8_t> line;
-    for (uint32_t x = 0; x < image.width; ++x) {
-      const uint8_t* const p = image.At(x, jpeg.next_scanline);
-      line.insert(line.end(), p, p + (grey ? 1 : 4));
-    }
-    JSAMPROW row = line.data();
-    jpeg_write_scanlines(&jpeg, &row, 1);
-  }
-  jpeg_finish_compress(&jpeg);
-  std::string file(reinterpret_cast<const char*>(bytes), size);
-  jpeg_destroy_compress(&jpeg);
-  std::free(bytes);
-  return file;
+  const Bytes file = testing::JpegOf({image.width, image.height, 4, image.rgba}, 95, false, grey);
+  return {reinterpret_cast<const char*>(file.data()), file.size()};
 }
 
 Image ReadPicture(const std::string& path) {

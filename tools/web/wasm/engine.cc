@@ -154,19 +154,18 @@ std::string Input() {
 }
 
 Result<Json> TextureJson(const ObjectRecord& record) {
+  MTDB_ASSIGN_OR_RETURN(const std::vector<ByteRange> files, state.file->TextureFiles(record.name));
   Json pages = Json::Array();
-  const auto count = static_cast<uint32_t>(record.texture->pages.size());
-  for (uint32_t p = 0; p < count; ++p) {
-    MTDB_ASSIGN_OR_RETURN(const ByteRange file, state.file->TextureFileRange(record.name, p));
+  for (size_t p = 0; p < record.texture->pages.size(); ++p) {
     const TextureRecord::Page& page = record.texture->pages[p];
     pages.push_back({{"name", page.name},
                      {"media_type", page.media_type},
                      {"width", page.width},
                      {"height", page.height},
-                     {"offset", file.offset},
-                     {"bytes", file.bytes}});
+                     {"offset", files[p].offset},
+                     {"bytes", files[p].bytes}});
   }
-  MTDB_ASSIGN_OR_RETURN(const ByteRange tiles, state.file->TextureFileRange(record.name, count));
+  const ByteRange& tiles = files.back();
   Json json = {{"pages", pages}, {"tiles", nullptr}};
   if (tiles.bytes > 0) json["tiles"] = {{"offset", tiles.offset}, {"bytes", tiles.bytes}};
   return json;
